@@ -87,5 +87,7 @@ using GroupIndex = TypedIndex<struct GroupTag>;  ///< In the sorted list of a bu
 using GroupModeIndex = TypedIndex<struct GroupModeTag>;      ///< In a group of BuildState::modes.
 using ModeIndex = TypedIndex<struct ModeTag>;                ///< In Graph::modes.
 using ObservationIndex = TypedIndex<struct ObservationTag>;  ///< In Graph::observations.
+using LandmarkIndex = TypedIndex<struct LandmarkTag>;  ///< Of those that two maps have in common.
+using MatchIndex = TypedIndex<struct MatchTag>;        ///< In AlignmentEvidence::matches().
 
 }  // namespace shiftmap

@@ -379,9 +379,10 @@ MapContent AsOfRuns(MapContent map,
   return map;
 }
 
-std::vector<Signature> Named(const GroupSignatures& signatures, const std::vector<int>& groups) {
+std::vector<Signature> Named(const GroupSignatures& signatures,
+                             const std::vector<GroupIndex>& groups) {
   std::vector<Signature> named;
-  for (const int group : groups) named.push_back(signatures[GroupIndex(group)]);
+  for (const GroupIndex group : groups) named.push_back(signatures[group]);
   return named;
 }
 
@@ -408,7 +409,7 @@ AmbiguousChange Describe(const KeptAlternatives& kept, const GroupSignatures& si
   change.waits = false;
   change.runs = kept.runs;
   for (const StayedSet& stayed : kept.alternatives) {
-    std::vector<int> moved;
+    std::vector<GroupIndex> moved;
     std::set_difference(kept.groups.begin(),
                         kept.groups.end(),
                         stayed.groups.begin(),
@@ -417,8 +418,8 @@ AmbiguousChange Describe(const KeptAlternatives& kept, const GroupSignatures& si
     change.explanations.push_back(
         {Named(signatures, stayed.groups), Named(signatures, moved), stayed.probability});
   }
-  std::vector<int> deciding;
-  for (const KeptAlternatives::Doubt& doubt : kept.doubts) deciding.push_back(doubt.group.value());
+  std::vector<GroupIndex> deciding;
+  for (const KeptAlternatives::Doubt& doubt : kept.doubts) deciding.push_back(doubt.group);
   change.deciding = Named(signatures, deciding);
   return change;
 }

@@ -5,7 +5,6 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
-#include <map>
 #include <numbers>
 #include <unsupported/Eigen/SpecialFunctions>
 #include <utility>
@@ -42,32 +41,22 @@ AlignmentEvidence::AlignmentEvidence(const JointPoints& reference,
       other_(other),
       prior_(prior),
       log_area_(std::log(area_m2)),
-      log_anywhere_(std::log1p(-prior.near_share) - log_area_) {
-  std::map<int, std::vector<int>> in_reference;
-  std::map<int, std::vector<int>> in_other;
-  for (std::size_t i = 0; i < reference.points.size(); ++i) {
-    in_reference[reference.points[i].group].push_back(static_cast<int>(i));
-  }
-  for (std::size_t i = 0; i < other.points.size(); ++i) {
-    in_other[other.points[i].group].push_back(static_cast<int>(i));
-  }
-  for (const auto& [group, points] : in_other) {
-    const auto known = in_reference.find(group);
-    if (known == in_reference.end()) continue;
-    for (const int point : points) {
-      const auto landmark = static_cast<int>(groups_.size());
-      const auto first = static_cast<int>(matches_.size());
-      for (const int mode : known->second) matches_.push_back({landmark, mode, point});
-      groups_.push_back(group);
-      of_landmark_.emplace_back(first, static_cast<int>(matches_.size()));
+      log_anywhere_(std::log1p(-prior.near_share) - log_area_),
+      matches_(CandidateMatches(reference.points, other.points)) {
+  for (const MatchIndex k : matches_.indices()) {
+    if (groups_.empty() || matches_[k].other != matches_[k - 1].other) {
+      groups_.push_back(matches_[k].group);
+      of_landmark_.push_back({k, k});
     }
+    landmarks_.push_back(groups_.end_index() - 1);
+    of_landmark_.back().last = k + 1;
   }
   if (matches_.size() > kMaxMatches) return;
   for (const Match& match : matches_) {
     MatchSet rivals;
-    for (int k = 0; k < static_cast<int>(matches_.size()); ++k) {
-      const Match& other_match = matches_[AsSize(k)];
-      if (other_match.landmark == match.landmark || other_match.reference == match.reference) {
+    for (const MatchIndex k : matches_.indices()) {
+      const Match& other_match = matches_[k];
+      if (other_match.other == match.other || other_match.reference == match.reference) {
         rivals = rivals.Flipped(k);
       }
     }
@@ -75,17 +64,14 @@ AlignmentEvidence::AlignmentEvidence(const JointPoints& reference,
   }
 }
 
-const Eigen::Vector2d& AlignmentEvidence::PositionInReference(int match) const {
-  return reference_.points[AsSize(matches_[AsSize(match)].reference)].position;
+double AlignmentEvidence::LogModes(MatchIndex match) const {
+  const auto [first, last] = MatchesOf(LandmarkOf(match));
+  return std::log(1.0 * (last - first));
 }
 
-const Eigen::Vector2d& AlignmentEvidence::PositionInOther(int match) const {
-  return other_.points[AsSize(matches_[AsSize(match)].other)].position;
-}
-
-double AlignmentEvidence::Variance(int match) const {
-  const Eigen::Index reference = RowOf(matches_[AsSize(match)].reference);
-  const Eigen::Index other = RowOf(matches_[AsSize(match)].other);
+double AlignmentEvidence::Variance(MatchIndex match) const {
+  const Eigen::Index reference = RowOf(matches_[match].reference);
+  const Eigen::Index other = RowOf(matches_[match].other);
   return 0.5 * (reference_.covariance.block<2, 2>(reference, reference).trace() +
                 other_.covariance.block<2, 2>(other, other).trace());
 }
@@ -117,41 +103,42 @@ class SetEvaluation {
  public:
   SetEvaluation(const AlignmentEvidence& evidence, const MatchSet& stayed)
       : e_(evidence), stayed_(stayed), in_(stayed.Members()) {
-    std::vector<bool> has_stayed(e_.groups_.size());
-    for (const int k : in_) has_stayed[static_cast<std::size_t>(e_.LandmarkOf(k))] = true;
-    for (std::size_t l = 0; l < has_stayed.size(); ++l) {
-      if (!has_stayed[l]) moved_.push_back(static_cast<int>(l));
+    IndexedVector<LandmarkIndex, bool> has_stayed(e_.groups_.size());
+    for (const MatchIndex k : in_) has_stayed[e_.LandmarkOf(k)] = true;
+    for (const LandmarkIndex l : has_stayed.indices()) {
+      if (!has_stayed[l]) moved_.push_back(l);
     }
     Start();
     Fit();
   }
 
-  SetScore Score(std::vector<double>* gains) {
+  SetScore Score(IndexedVector<MatchIndex, double>* gains) {
     const auto stayed = static_cast<int>(in_.size());
     SetScore score;
     score.fit = fit_;
     score.log_evidence = LogEvidence();
     score.log_moved.assign(e_.groups_.size(), 0.0);
     score.log_score = score.log_evidence + e_.LogStaying(stayed);
-    for (const int k : in_) score.log_score -= LogModes(k);
+    for (const MatchIndex k : in_) score.log_score -= e_.LogModes(k);
     if (gains != nullptr) gains->assign(e_.matches_.size(), kLogZero);
     const double up = e_.LogStaying(stayed + 1) - e_.LogStaying(stayed);
     residual_ -= jacobian_ * step_;
     const Eigen::VectorXd whitened = llt_.solve(residual_);
-    for (const int landmark : moved_) {
-      const auto [first, end] = e_.MatchesOf(landmark);
+    for (const LandmarkIndex landmark : moved_) {
       double log_moved = kLogZero;
-      for (int k = first; k < end; ++k) {
+      for (const MatchIndex k : e_.MatchesOf(landmark)) {
         const auto [r, cov] = Predict(k, whitened);
-        log_moved = LogAdd(log_moved, e_.LogMovedBy(r, cov) - LogModes(k));
+        log_moved = LogAdd(log_moved, e_.LogMovedBy(r, cov) - e_.LogModes(k));
         if (gains != nullptr && !stayed_.Intersects(e_.Rivals(k))) {
-          (*gains)[static_cast<std::size_t>(k)] = LogGaussian(r, cov);
+          (*gains)[k] = LogGaussian(r, cov);
         }
       }
-      for (int k = first; gains != nullptr && k < end; ++k) {
-        (*gains)[static_cast<std::size_t>(k)] += up - log_moved - LogModes(k);
+      if (gains != nullptr) {
+        for (const MatchIndex k : e_.MatchesOf(landmark)) {
+          (*gains)[k] += up - log_moved - e_.LogModes(k);
+        }
       }
-      score.log_moved[static_cast<std::size_t>(landmark)] = log_moved;
+      score.log_moved[landmark] = log_moved;
       score.log_score += log_moved;
     }
     if (gains != nullptr && stayed > 2) AddRemovals(gains);
@@ -160,21 +147,18 @@ class SetEvaluation {
   }
 
  private:
-  const Match& At(int match) const { return e_.matches_[static_cast<std::size_t>(match)]; }
-
-  // log of how many modes the landmark of a match may have stayed at, equally likely.
-  double LogModes(int match) const { return std::log(static_cast<double>(e_.ModesOf(match))); }
+  const Match& At(MatchIndex match) const { return e_.matches_[match]; }
 
   // Least squares, all matches alike.
   void Start() {
     const auto count = static_cast<double>(in_.size());
-    for (const int k : in_) {
+    for (const MatchIndex k : in_) {
       fit_.centre_reference += e_.PositionInReference(k) / count;
       fit_.centre_other += e_.PositionInOther(k) / count;
     }
     double dot = 0.0;
     double cross = 0.0;
-    for (const int k : in_) {
+    for (const MatchIndex k : in_) {
       const Eigen::Vector2d a = e_.PositionInReference(k) - fit_.centre_reference;
       const Eigen::Vector2d b = e_.PositionInOther(k) - fit_.centre_other;
       dot += a.dot(b);
@@ -184,7 +168,7 @@ class SetEvaluation {
   }
 
   // Covariance of the differences of two matches. [m²]
-  Eigen::Matrix2d Block(int j, int k) const {
+  Eigen::Matrix2d Block(MatchIndex j, MatchIndex k) const {
     return e_.other_.covariance.block<2, 2>(RowOf(At(j).other), RowOf(At(k).other)) +
            R_ *
                e_.reference_.covariance.block<2, 2>(RowOf(At(j).reference),
@@ -193,16 +177,16 @@ class SetEvaluation {
   }
 
   // fit_ * p - fit_.centre_other.
-  Eigen::Vector2d FromCentre(int k) const {
+  Eigen::Vector2d FromCentre(MatchIndex k) const {
     return scaled_R_ * (e_.PositionInReference(k) - fit_.centre_reference);
   }
 
-  Eigen::Vector2d Residual(int k) const {
+  Eigen::Vector2d Residual(MatchIndex k) const {
     return e_.PositionInOther(k) - fit_.centre_other - FromCentre(k);
   }
 
   // d (fit * p) / d (centre_other, yaw, log scale).
-  Eigen::Matrix<double, 2, 4> Jacobian(int k) const {
+  Eigen::Matrix<double, 2, 4> Jacobian(MatchIndex k) const {
     const Eigen::Vector2d q = FromCentre(k);
     Eigen::Matrix<double, 2, 4> jacobian;
     jacobian << 1.0, 0.0, -q.y(), q.x(), 0.0, 1.0, q.x(), q.y();
@@ -255,7 +239,7 @@ class SetEvaluation {
   }
 
   // The difference of a match that is not in the set from what that predicts, and its covariance.
-  std::pair<Eigen::Vector2d, Eigen::Matrix2d> Predict(int k,
+  std::pair<Eigen::Vector2d, Eigen::Matrix2d> Predict(MatchIndex k,
                                                       const Eigen::VectorXd& whitened) const {
     Eigen::MatrixXd cross(2, RowOf(in_.size()));
     for (std::size_t p = 0; p < in_.size(); ++p) {
@@ -270,7 +254,7 @@ class SetEvaluation {
 
   // What taking one out gains: its difference from what the others predict, by the inverse of the
   // joint covariance once the transform is integrated out.
-  void AddRemovals(std::vector<double>* gains) const {
+  void AddRemovals(IndexedVector<MatchIndex, double>* gains) const {
     const Eigen::Index rows = RowOf(in_.size());
     const Eigen::MatrixXd precision =
         llt_.solve(Eigen::MatrixXd::Identity(rows, rows)) -
@@ -283,15 +267,14 @@ class SetEvaluation {
       if (!(information.determinant() > 0.0)) continue;
       const Eigen::Matrix2d cov = information.inverse();
       const Eigen::Vector2d r = cov * whitened.segment<2>(RowOf(p));
-      (*gains)[static_cast<std::size_t>(in_[p])] =
-          e_.LogMovedBy(r, cov) - LogGaussian(r, cov) + down + LogModes(in_[p]);
+      (*gains)[in_[p]] = e_.LogMovedBy(r, cov) - LogGaussian(r, cov) + down + e_.LogModes(in_[p]);
     }
   }
 
   const AlignmentEvidence& e_;
   MatchSet stayed_;
-  std::vector<int> in_;     // Matches in the set.
-  std::vector<int> moved_;  // Landmarks without one.
+  std::vector<MatchIndex> in_;        // In the set.
+  std::vector<LandmarkIndex> moved_;  // Without a match in it.
   SimilarityFit fit_;
   Eigen::Matrix2d R_;                // Of fit_,
   Eigen::Matrix2d scaled_R_;         // and with its scale.
@@ -303,7 +286,8 @@ class SetEvaluation {
   Eigen::Vector4d step_;  // The last one, too small to take.
 };
 
-SetScore AlignmentEvidence::Score(const MatchSet& stayed, std::vector<double>* gains) const {
+SetScore AlignmentEvidence::Score(const MatchSet& stayed,
+                                  IndexedVector<MatchIndex, double>* gains) const {
   return SetEvaluation(*this, stayed).Score(gains);
 }
 

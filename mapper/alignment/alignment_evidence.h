@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <numbers>
 #include <vector>
 
 #include "mapper/alignment/consensus.h"
@@ -10,17 +11,12 @@
 
 namespace shiftmap {
 
+inline constexpr double kTwoPi = 2.0 * std::numbers::pi;
+
 /// Modes of a map with their joint covariance.
 struct JointPoints {
-  std::vector<AlignmentPoint> points;
+  AlignmentPoints points;
   Eigen::MatrixXd covariance;  ///< In the order of the points, (x, y) each. [m²]
-};
-
-/// That a mode of the other map is where one of the reference is: its landmark stayed, or returned.
-struct Match {
-  int landmark = 0;   ///< Index in AlignmentEvidence::groups().
-  int reference = 0;  ///< Index of the point in the reference.
-  int other = 0;      ///< Index of the point in the other map.
 };
 
 /// A transform from the reference to the other map, with the difference of their scales.
@@ -39,9 +35,9 @@ struct SimilarityFit {
 /// How well a set of matches explains the other map.
 struct SetScore {
   SimilarityFit fit;
-  double log_evidence = 0.0;      ///< Of the positions of landmarks that stayed.
-  std::vector<double> log_moved;  ///< Per landmark of its position if it moved; 0 if it stayed.
-  double log_score = 0.0;         ///< Of all positions and the prior.
+  double log_evidence = 0.0;                       ///< Of the positions of landmarks that stayed.
+  IndexedVector<LandmarkIndex, double> log_moved;  ///< Of its position if it moved; 0 if it stayed.
+  double log_score = 0.0;                          ///< Of all positions and the prior.
 };
 
 /// Scores which landmarks stayed between two maps, by the marginal likelihood of the other map's
@@ -59,31 +55,30 @@ class AlignmentEvidence {
                     const MovePrior& prior);
 
   /// Per landmark its group, ascending.
-  const std::vector<int>& groups() const { return groups_; }
+  const IndexedVector<LandmarkIndex, GroupIndex>& groups() const { return groups_; }
 
-  const std::vector<Match>& matches() const { return matches_; }
+  const IndexedVector<MatchIndex, Match>& matches() const { return matches_; }
 
-  int LandmarkOf(int match) const { return matches_[AsSize(match)].landmark; }
-  int GroupOf(int match) const { return groups_[AsSize(LandmarkOf(match))]; }
+  LandmarkIndex LandmarkOf(MatchIndex match) const { return landmarks_[match]; }
+  GroupIndex GroupOf(MatchIndex match) const { return matches_[match].group; }
+  IndexRange<MatchIndex> MatchesOf(LandmarkIndex landmark) const { return of_landmark_[landmark]; }
 
-  /// Matches of one landmark, the indices of which follow each other: [first, second).
-  std::pair<int, int> MatchesOf(int landmark) const { return of_landmark_[AsSize(landmark)]; }
+  /// log of how many modes of the reference the landmark of a match may be at.
+  double LogModes(MatchIndex match) const;
 
-  /// The modes of the reference that the landmark of a match may be at.
-  int ModesOf(int match) const {
-    const auto [first, end] = MatchesOf(LandmarkOf(match));
-    return end - first;
+  const Eigen::Vector2d& PositionInReference(MatchIndex match) const {
+    return reference_.points[matches_[match].reference].position;
   }
-
-  const Eigen::Vector2d& PositionInReference(int match) const;
-  const Eigen::Vector2d& PositionInOther(int match) const;
+  const Eigen::Vector2d& PositionInOther(MatchIndex match) const {
+    return other_.points[matches_[match].other].position;
+  }
 
   /// The matches that rule a match out, and itself: those of its landmark, and those with its mode
   /// of the reference.
-  const MatchSet& Rivals(int match) const { return rivals_[AsSize(match)]; }
+  const MatchSet& Rivals(MatchIndex match) const { return rivals_[match]; }
 
   /// Mean variance per axis of a match's difference, the maps' errors taken as independent. [m²]
-  double Variance(int match) const;
+  double Variance(MatchIndex match) const;
 
   /// log of the prior that `stayed` >= 2 of the landmarks stayed, just these.
   double LogStaying(int stayed) const;
@@ -94,28 +89,28 @@ class AlignmentEvidence {
 
   double log_area() const { return log_area_; }
   double log_anywhere() const { return log_anywhere_; }
+  double LogAllAnywhere() const { return static_cast<double>(groups_.size()) * log_anywhere_; }
 
   /// Precondition: at least two matches in range, none a rival of another; kMaxMatches at most.
   SetScore Score(const MatchSet& stayed) const { return Score(stayed, nullptr); }
 
   /// @param gains  Per match about what adding it, or taking it out, does to log_score; minus
   ///               infinity where a rival is in the set. May be null.
-  SetScore Score(const MatchSet& stayed, std::vector<double>* gains) const;
+  SetScore Score(const MatchSet& stayed, IndexedVector<MatchIndex, double>* gains) const;
 
  private:
   friend class SetEvaluation;
-
-  static std::size_t AsSize(int index) { return static_cast<std::size_t>(index); }
 
   const JointPoints& reference_;
   const JointPoints& other_;
   const MovePrior& prior_;
   double log_area_;
   double log_anywhere_;  // Of a landmark that moved, and not near.
-  std::vector<int> groups_;
-  std::vector<Match> matches_;
-  std::vector<std::pair<int, int>> of_landmark_;
-  std::vector<MatchSet> rivals_;
+  IndexedVector<LandmarkIndex, GroupIndex> groups_;
+  IndexedVector<MatchIndex, Match> matches_;
+  IndexedVector<MatchIndex, LandmarkIndex> landmarks_;
+  IndexedVector<LandmarkIndex, IndexRange<MatchIndex>> of_landmark_;
+  IndexedVector<MatchIndex, MatchSet> rivals_;
 };
 
 /// log Γ(x). (std::lgamma writes a global, and threads would race for it.)

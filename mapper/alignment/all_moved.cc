@@ -13,8 +13,6 @@
 namespace shiftmap {
 namespace {
 
-constexpr double kTwoPi = 2.0 * std::numbers::pi;
-
 // log(eᵃ - eᵇ), a >= b but for rounding.
 double LogDifference(double a, double b) {
   return b < a ? a + std::log1p(-std::exp(b - a)) : kLogZero;
@@ -38,7 +36,7 @@ struct Proposal {
 class AllMoved {
  public:
   AllMoved(const AlignmentEvidence& evidence, const MovePrior& prior)
-      : e_(evidence), prior_(prior), landmarks_(static_cast<int>(evidence.groups().size())) {}
+      : e_(evidence), prior_(prior) {}
 
   double LogDensity(const std::vector<SimilarityFit>& starts) const {
     constexpr int kDraws = 64;  // Of each.
@@ -70,8 +68,8 @@ class AllMoved {
  private:
   double LogSomeNear(const SimilarityFit& x) const {
     double log_density = 0.0;
-    for (int landmark = 0; landmark < landmarks_; ++landmark) log_density += LogMoved(landmark, x);
-    return LogDifference(log_density, landmarks_ * e_.log_anywhere());
+    for (const LandmarkIndex l : e_.groups().indices()) log_density += LogMoved(l, x);
+    return LogDifference(log_density, e_.LogAllAnywhere());
   }
 
   // Expectation and maximization over how far each landmark moved, from a start; the Gaussian there
@@ -86,8 +84,8 @@ class AllMoved {
     for (int i = 0; i < kIterations; ++i) {
       information = Eigen::Vector3d(per_area, per_area, 1.0).asDiagonal();
       Eigen::Vector3d gradient = Eigen::Vector3d::Zero();
-      for (int landmark = 0; landmark < landmarks_; ++landmark) {
-        AddNear(landmark, fit, &information, &gradient);
+      for (const LandmarkIndex l : e_.groups().indices()) {
+        AddNear(l, fit, &information, &gradient);
       }
       const Eigen::Vector3d step = information.llt().solve(gradient);
       fit.centre_other += step.head<2>();
@@ -97,29 +95,28 @@ class AllMoved {
   }
 
   // log density of a landmark that moved near or anywhere, from any of its modes.
-  double LogMoved(int landmark, const SimilarityFit& fit) const {
-    const auto [first, end] = e_.MatchesOf(landmark);
+  double LogMoved(LandmarkIndex landmark, const SimilarityFit& fit) const {
     double log_density = kLogZero;
-    for (int k = first; k < end; ++k) {
+    for (const MatchIndex k : e_.MatchesOf(landmark)) {
       const Eigen::Vector2d r = e_.PositionInOther(k) - fit * e_.PositionInReference(k);
       log_density =
           LogAdd(log_density, e_.LogMovedBy(r, e_.Variance(k) * Eigen::Matrix2d::Identity()));
     }
-    return log_density - std::log(static_cast<double>(end - first));
+    return log_density - e_.LogModes(e_.MatchesOf(landmark).first);
   }
 
   // The same with Gaussian densities of near moves, which have one maximum.
-  void AddNear(int landmark,
+  void AddNear(LandmarkIndex landmark,
                const SimilarityFit& fit,
                Eigen::Matrix3d* information,
                Eigen::Vector3d* gradient) const {
-    const std::pair<int, int> of_landmark = e_.MatchesOf(landmark);
-    const int modes = of_landmark.second - of_landmark.first;
+    const IndexRange<MatchIndex> matches = e_.MatchesOf(landmark);
+    const int modes = matches.last - matches.first;
     const double log_each =
         std::log(prior_.near_share / static_cast<double>(prior_.near_sd_m.size()) / modes);
     double total = e_.log_anywhere();
     const auto visit_all = [&](const auto& visit) {
-      for (int k = of_landmark.first; k < of_landmark.second; ++k) {
+      for (const MatchIndex k : matches) {
         const Eigen::Vector2d q = fit * e_.PositionInReference(k) - fit.centre_other;
         const Eigen::Vector2d r = e_.PositionInOther(k) - fit.centre_other - q;
         for (const double sd : prior_.near_sd_m) {
@@ -148,7 +145,6 @@ class AllMoved {
 
   const AlignmentEvidence& e_;
   const MovePrior& prior_;
-  int landmarks_;
 };
 
 }  // namespace

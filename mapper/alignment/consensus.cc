@@ -4,7 +4,7 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
-#include <iterator>
+#include <map>
 #include <numbers>
 #include <random>
 #include <utility>
@@ -21,14 +21,12 @@ constexpr double kMaxAllPairs = 5000.0;
 constexpr double kMissed = 1e-9;
 
 struct Correspondence {
-  int group = 0;  // Of those that both frames have, in the order of AlignmentPoint::group.
+  LandmarkIndex group;  // Of those that both frames have.
   Eigen::Vector2d reference;
   Eigen::Vector2d other;
   double variance = 0.0;    // Per axis, both sides and the floor. [m²]
   double log_rarity = 0.0;  // log(A / 2πσ²), what agreement counts before its distance.
 };
-
-constexpr int kNone = -1;
 
 // reference = centroid_reference + scale R (other - centroid_other).
 struct Similarity {
@@ -53,60 +51,37 @@ struct Similarity {
 
 struct Candidate {
   Similarity fit;
-  std::vector<int> support;  // Per group its best correspondence, or kNone.
-  int count = 0;             // Groups that have one.
-  double score = 0.0;        // Log-likelihood ratio to "every landmark stands anywhere".
+  IndexedVector<LandmarkIndex, std::optional<MatchIndex>> support;  // Per group its best match.
+  int count = 0;                                                    // Groups that have one.
+  double score = 0.0;  // Log-likelihood ratio to "every landmark stands anywhere".
 };
-
-// The groups that both frames have, ascending.
-std::vector<int> CommonGroups(const std::vector<AlignmentPoint>& reference,
-                              const std::vector<AlignmentPoint>& other) {
-  const auto groups_of = [](const std::vector<AlignmentPoint>& points) {
-    std::vector<int> groups;
-    for (const AlignmentPoint& point : points) groups.push_back(point.group);
-    std::sort(groups.begin(), groups.end());
-    groups.erase(std::unique(groups.begin(), groups.end()), groups.end());
-    return groups;
-  };
-  const std::vector<int> in_reference = groups_of(reference);
-  const std::vector<int> in_other = groups_of(other);
-  std::vector<int> common;
-  std::set_intersection(in_reference.begin(),
-                        in_reference.end(),
-                        in_other.begin(),
-                        in_other.end(),
-                        std::back_inserter(common));
-  return common;
-}
 
 // Finds the transform between two frames from the correspondences of their points.
 class Consensus {
  public:
-  Consensus(const std::vector<AlignmentPoint>& reference,
-            const std::vector<AlignmentPoint>& other,
+  Consensus(const AlignmentPoints& reference,
+            const AlignmentPoints& other,
             double area,
             const AlignmentOptions& options)
-      : options_(options),
-        gate_(ChiSquareQuantile(options.gate_probability, 2)),
-        groups_(CommonGroups(reference, other)),
-        squared_(groups_.size()) {
-    Match(reference, other, area);
-    best_.support.assign(groups_.size(), kNone);
+      : options_(options), gate_(ChiSquareQuantile(options.gate_probability, 2)) {
+    AddMatches(reference, other, area);
+    squared_.resize(groups_.size());
+    best_.support.resize(groups_.size());
   }
 
   std::optional<Alignment> Find() {
     const auto count = static_cast<int>(matches_.size());
     if (count < options_.min_signatures) return std::nullopt;
     if (0.5 * count * (count - 1) <= std::min(kMaxAllPairs, 1.0 * options_.max_pairs)) {
-      for (int i = 0; i < count; ++i) {
-        for (int j = i + 1; j < count; ++j) Propose(i, j);
+      for (const MatchIndex i : matches_.indices()) {
+        for (MatchIndex j = i + 1; j < matches_.end_index(); ++j) Propose(i, j);
       }
     } else {
       std::mt19937_64 random(1);
       std::uniform_int_distribution<int> pick(0, count - 1);
       for (int k = 0; k < options_.max_pairs && k < SufficientDraws(); ++k) {
-        const int first = pick(random);
-        Propose(first, pick(random));
+        const MatchIndex first(pick(random));
+        Propose(first, MatchIndex(pick(random)));
       }
     }
     if (best_.count == 0) return std::nullopt;
@@ -123,32 +98,18 @@ class Consensus {
     return std::log(kMissed) / std::log1p(-supporters * (supporters - 1.0) / (matches * matches));
   }
 
-  const Correspondence& At(int match) const { return matches_[static_cast<std::size_t>(match)]; }
-
-  void Match(const std::vector<AlignmentPoint>& reference,
-             const std::vector<AlignmentPoint>& other,
-             double area) {
-    const auto place = [&](int group) -> std::optional<std::size_t> {
-      const auto found = std::lower_bound(groups_.begin(), groups_.end(), group);
-      if (found == groups_.end() || *found != group) return std::nullopt;
-      return static_cast<std::size_t>(found - groups_.begin());
-    };
-    std::vector<std::vector<const AlignmentPoint*>> by_group(groups_.size());
-    for (const AlignmentPoint& point : reference) {
-      if (const auto group = place(point.group)) by_group[*group].push_back(&point);
-    }
+  void AddMatches(const AlignmentPoints& reference, const AlignmentPoints& other, double area) {
     const double floor = 2.0 * options_.position_floor_m * options_.position_floor_m;
-    for (const AlignmentPoint& point : other) {
-      const auto group = place(point.group);
-      if (!group) continue;
-      for (const AlignmentPoint* known : by_group[*group]) {
-        const double variance = 0.5 * (known->cov.trace() + point.cov.trace()) + floor;
-        matches_.push_back({static_cast<int>(*group),
-                            known->position,
-                            point.position,
-                            variance,
-                            std::log(area / (2.0 * std::numbers::pi * variance))});
-      }
+    for (const auto& [group, i, j] : CandidateMatches(reference, other)) {
+      const AlignmentPoint& known = reference[i];
+      const AlignmentPoint& point = other[j];
+      if (groups_.empty() || groups_.back() != group) groups_.push_back(group);
+      const double variance = 0.5 * (known.cov.trace() + point.cov.trace()) + floor;
+      matches_.push_back({groups_.end_index() - 1,
+                          known.position,
+                          point.position,
+                          variance,
+                          std::log(area / (2.0 * std::numbers::pi * variance))});
     }
   }
 
@@ -185,30 +146,30 @@ class Consensus {
     return fit;
   }
 
-  Similarity Fit(const std::vector<int>& support) const {
+  Similarity Fit(const Candidate& candidate) const {
     return FitOver([&](const auto& visit) {
-      for (const int match : support) {
-        if (match != kNone) visit(At(match));
+      for (const auto& match : candidate.support) {
+        if (match) visit(matches_[*match]);
       }
     });
   }
 
   Candidate Support(const Similarity& fit) {
-    Candidate candidate{fit, std::vector<int>(groups_.size(), kNone)};
-    for (std::size_t i = 0; i < matches_.size(); ++i) {
+    Candidate candidate{fit, {}};
+    candidate.support.resize(groups_.size());
+    for (const MatchIndex i : matches_.indices()) {
       const Correspondence& match = matches_[i];
       const double squared = (fit * match.other - match.reference).squaredNorm() / match.variance;
       if (squared > gate_) continue;
-      const auto group = static_cast<std::size_t>(match.group);
-      int& support = candidate.support[group];
-      if (support != kNone && squared >= squared_[group]) continue;
-      candidate.count += support == kNone ? 1 : 0;
-      squared_[group] = squared;
-      support = static_cast<int>(i);
+      std::optional<MatchIndex>& support = candidate.support[match.group];
+      if (support && squared >= squared_[match.group]) continue;
+      candidate.count += support ? 0 : 1;
+      squared_[match.group] = squared;
+      support = i;
     }
-    for (std::size_t group = 0; group < groups_.size(); ++group) {
-      const int support = candidate.support[group];
-      if (support != kNone) candidate.score += At(support).log_rarity - 0.5 * squared_[group];
+    for (const LandmarkIndex group : groups_.indices()) {
+      const std::optional<MatchIndex> support = candidate.support[group];
+      if (support) candidate.score += matches_[*support].log_rarity - 0.5 * squared_[group];
     }
     return candidate;
   }
@@ -216,21 +177,21 @@ class Consensus {
   Candidate Refine(Candidate candidate) {
     constexpr int kMaxIterations = 10;
     for (int i = 0; i < kMaxIterations; ++i) {
-      Candidate next = Support(Fit(candidate.support));
+      Candidate next = Support(Fit(candidate));
       if (next.score <= candidate.score) break;
       candidate = std::move(next);
     }
     return candidate;
   }
 
-  bool SupportsBest(int match) const {
-    return best_.support[static_cast<std::size_t>(At(match).group)] == match;
+  bool SupportsBest(MatchIndex match) const {
+    return best_.support[matches_[match].group] == match;
   }
 
   // The transform that two correspondences tell of.
-  void Propose(int i, int j) {
-    const Correspondence& a = At(i);
-    const Correspondence& b = At(j);
+  void Propose(MatchIndex i, MatchIndex j) {
+    const Correspondence& a = matches_[i];
+    const Correspondence& b = matches_[j];
     if (a.group == b.group) return;
     // Two that support the best transform so far propose nothing but that.
     if (SupportsBest(i) && SupportsBest(j)) return;
@@ -251,12 +212,12 @@ class Consensus {
   // accident.
   bool TellsRotation(const Candidate& candidate) const {
     constexpr double kWithoutOne = 3.0;
-    const Similarity fit = Fit(candidate.support);
+    const Similarity fit = Fit(candidate);
     const double weights = 1.0 / fit.variance;
     double without_one = fit.spread;
-    for (const int support : candidate.support) {
-      if (support == kNone) continue;
-      const Correspondence& match = At(support);
+    for (const auto& support : candidate.support) {
+      if (!support) continue;
+      const Correspondence& match = matches_[*support];
       const double weight = 1.0 / match.variance;
       const double squared = (match.other - fit.centroid_other).squaredNorm();
       without_one =
@@ -268,15 +229,15 @@ class Consensus {
   }
 
   Alignment Describe() const {
-    const Similarity fit = Fit(best_.support);
+    const Similarity fit = Fit(best_);
     Alignment alignment;
     alignment.T_reference_other = fit.Rigid();
     alignment.centroid = fit.centroid_reference;
     alignment.variance_m2 = fit.variance;
     alignment.variance_rad2 = 1.0 / fit.spread;
-    for (std::size_t group = 0; group < groups_.size(); ++group) {
-      if (best_.support[group] == kNone) continue;
-      const Correspondence& match = At(best_.support[group]);
+    for (const LandmarkIndex group : groups_.indices()) {
+      if (!best_.support[group]) continue;
+      const Correspondence& match = matches_[*best_.support[group]];
       alignment.signatures.push_back(groups_[group]);
       alignment.rms_m += (fit * match.other - match.reference).squaredNorm();
     }
@@ -286,13 +247,34 @@ class Consensus {
 
   const AlignmentOptions& options_;
   double gate_;
-  std::vector<int> groups_;
-  std::vector<double> squared_;  // Scratch of Support().
-  std::vector<Correspondence> matches_;
+  IndexedVector<LandmarkIndex, GroupIndex> groups_;
+  IndexedVector<LandmarkIndex, double> squared_;  // Scratch of Support().
+  IndexedVector<MatchIndex, Correspondence> matches_;
   Candidate best_;
 };
 
 }  // namespace
+
+std::vector<Match> CandidateMatches(const AlignmentPoints& reference,
+                                    const AlignmentPoints& other) {
+  std::map<GroupIndex, std::vector<ModeIndex>> in_reference;
+  std::map<GroupIndex, std::vector<ModeIndex>> in_other;
+  for (const ModeIndex i : reference.indices()) in_reference[reference[i].group].push_back(i);
+  for (const ModeIndex j : other.indices()) in_other[other[j].group].push_back(j);
+  std::vector<Match> matches;
+  for (const auto& [group, modes] : in_other) {
+    for (const ModeIndex j : modes) {
+      for (const ModeIndex i : in_reference[group]) matches.push_back({group, i, j});
+    }
+  }
+  return matches;
+}
+
+std::vector<Eigen::Vector2d> PositionsOf(const AlignmentPoints& points) {
+  std::vector<Eigen::Vector2d> positions;
+  for (const AlignmentPoint& point : points) positions.push_back(point.position);
+  return positions;
+}
 
 double OccupiedArea(const std::vector<Eigen::Vector2d>& positions) {
   Eigen::AlignedBox2d box;
@@ -300,16 +282,14 @@ double OccupiedArea(const std::vector<Eigen::Vector2d>& positions) {
   return std::max(1.0, box.sizes().x()) * std::max(1.0, box.sizes().y());
 }
 
-std::optional<Alignment> AlignByConsensus(const std::vector<AlignmentPoint>& reference,
-                                          const std::vector<AlignmentPoint>& other,
+std::optional<Alignment> AlignByConsensus(const AlignmentPoints& reference,
+                                          const AlignmentPoints& other,
                                           const AlignmentOptions& options) {
-  std::vector<Eigen::Vector2d> positions;
-  for (const AlignmentPoint& point : reference) positions.push_back(point.position);
-  return AlignByConsensus(reference, other, OccupiedArea(positions), options);
+  return AlignByConsensus(reference, other, OccupiedArea(PositionsOf(reference)), options);
 }
 
-std::optional<Alignment> AlignByConsensus(const std::vector<AlignmentPoint>& reference,
-                                          const std::vector<AlignmentPoint>& other,
+std::optional<Alignment> AlignByConsensus(const AlignmentPoints& reference,
+                                          const AlignmentPoints& other,
                                           double area_m2,
                                           const AlignmentOptions& options) {
   return Consensus(reference, other, area_m2, options).Find();

@@ -2,24 +2,43 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <concepts>
 #include <optional>
 #include <vector>
 
+#include "mapper/index.h"
 #include "mapstore/geometry/se2.h"
 
 namespace shiftmap {
 
 /// A mode in one of two frames that are to be aligned.
 struct AlignmentPoint {
-  int group = 0;  ///< The same number for the same signature in both frames.
+  GroupIndex group;  ///< The same for the same signature in both frames.
   Eigen::Vector2d position = Eigen::Vector2d::Zero();  ///< [m]
   Eigen::Matrix2d cov = Eigen::Matrix2d::Zero();       ///< Marginal. [m²]
 };
 
+/// Modes of one map, in the order of its joint covariance.
+using AlignmentPoints = IndexedVector<ModeIndex, AlignmentPoint>;
+
+/// That a mode of the other map is where one of the reference is: its landmark stayed, or returned.
+struct Match {
+  GroupIndex group;
+  ModeIndex reference;
+  ModeIndex other;
+};
+
+/// All pairs of modes of one group: by group, those of a mode of the other map one after another.
+std::vector<Match> CandidateMatches(const AlignmentPoints& reference, const AlignmentPoints& other);
+
 /// The row of a point's x in a vector or covariance of points, stacked (x, y).
 constexpr Eigen::Index RowOf(std::integral auto point) {
   return 2 * static_cast<Eigen::Index>(point);
+}
+template <typename Tag>
+constexpr Eigen::Index RowOf(TypedIndex<Tag> point) {
+  return 2 * point;
 }
 
 struct AlignmentOptions {
@@ -47,13 +66,17 @@ struct AlignmentOptions {
 
 struct Alignment {
   Se2 T_reference_other;
-  std::vector<int> signatures;  ///< Groups that agree, ascending.
-  double rms_m = 0.0;           ///< Of the agreeing positions.
+  std::vector<GroupIndex> signatures;  ///< Groups that agree, ascending.
+  double rms_m = 0.0;                  ///< Of the agreeing positions.
 
   /// Where the agreeing positions lie in the reference frame, and how well they hold the alignment.
   Eigen::Vector2d centroid = Eigen::Vector2d::Zero();  ///< [m]
   double variance_m2 = 0.0;                            ///< Of the centroid, per axis.
   double variance_rad2 = 0.0;                          ///< Of the rotation about it.
+
+  bool Agrees(GroupIndex group) const {
+    return std::binary_search(signatures.begin(), signatures.end(), group);
+  }
 
   /// Variance per axis, due to the alignment, of a position in the reference frame. [m²]
   double PositionVariance(const Eigen::Vector2d& position) const {
@@ -72,15 +95,17 @@ struct Alignment {
 ///
 /// Nothing is returned if fewer than min_signatures agree, or none of those that do tell the
 /// rotation. Deterministic.
-std::optional<Alignment> AlignByConsensus(const std::vector<AlignmentPoint>& reference,
-                                          const std::vector<AlignmentPoint>& other,
+std::optional<Alignment> AlignByConsensus(const AlignmentPoints& reference,
+                                          const AlignmentPoints& other,
                                           const AlignmentOptions& options);
 
 /// The same with A given [m²], so that `reference` need hold no groups but those of `other`.
-std::optional<Alignment> AlignByConsensus(const std::vector<AlignmentPoint>& reference,
-                                          const std::vector<AlignmentPoint>& other,
+std::optional<Alignment> AlignByConsensus(const AlignmentPoints& reference,
+                                          const AlignmentPoints& other,
                                           double area_m2,
                                           const AlignmentOptions& options);
+
+std::vector<Eigen::Vector2d> PositionsOf(const AlignmentPoints& points);
 
 /// The area of the box around all positions, at least a square metre. [m²]
 double OccupiedArea(const std::vector<Eigen::Vector2d>& positions);

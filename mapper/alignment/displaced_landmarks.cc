@@ -15,6 +15,7 @@
 #include <utility>
 
 #include "localizer/hypothesis/log_math.h"
+#include "mapper/alignment/consensus.h"
 
 namespace shiftmap {
 namespace {
@@ -94,9 +95,9 @@ class DisplacementSearch {
   // The partitions in the window below the best one, with their probabilities.
   std::vector<Displacement> Window() const {
     const std::vector<std::size_t> sizes = SizesFor(clusters_);
-    std::map<std::vector<int>, double> scores;
-    std::priority_queue<std::tuple<double, std::vector<int>, bool>> open;
-    const auto add = [&](const std::vector<int>& clusters, bool is_start) {
+    std::map<Clusters, double> scores;
+    std::priority_queue<std::tuple<double, Clusters, bool>> open;
+    const auto add = [&](const Clusters& clusters, bool is_start) {
       const auto [entry, is_new] = scores.try_emplace(Numbered(clusters), 0.0);
       if (is_new) {
         entry->second = Score(entry->first, sizes);
@@ -104,21 +105,21 @@ class DisplacementSearch {
       }
       return entry->second;
     };
-    for (const std::vector<int>& clusters : grown_) {
+    for (const Clusters& clusters : grown_) {
       add(clusters, true);
       const int count = Count(clusters);
       for (int cluster = 0; cluster < count; ++cluster) add(Exchanged(clusters, cluster), true);
     }
     double best = std::get<double>(open.top());
-    std::set<std::size_t> doubtful;  // Others are moved in the starts only.
+    std::set<LandmarkIndex> doubtful;  // Others are moved in the starts only.
     for (int expanded = 0; expanded < kMaxExpanded && !open.empty(); ++expanded) {
       const auto [score, clusters, is_start] = open.top();
       if (score < best - kLogWindow) break;
       open.pop();
       const int count = Count(clusters);
-      for (std::size_t i = 0; i < clusters.size(); ++i) {
+      for (const LandmarkIndex i : clusters.indices()) {
         if (!is_start && !doubtful.contains(i)) continue;
-        std::vector<int> moved = clusters;
+        Clusters moved = clusters;
         for (moved[i] = kNotDisplaced; moved[i] <= count; ++moved[i]) {
           if (moved[i] == clusters[i]) continue;
           const double with = add(moved, false);
@@ -130,7 +131,7 @@ class DisplacementSearch {
     return WithProbabilities(scores, best, sizes);
   }
 
-  std::vector<Displacement> WithProbabilities(const std::map<std::vector<int>, double>& scores,
+  std::vector<Displacement> WithProbabilities(const std::map<Clusters, double>& scores,
                                               double best,
                                               const std::vector<std::size_t>& sizes) const {
     std::vector<Displacement> displacements;
@@ -146,17 +147,16 @@ class DisplacementSearch {
   }
 
   // E[e_common | d, B] with the likeliest noise, displacements being free.
-  Eigen::VectorXd Common(const std::vector<int>& clusters,
-                         const std::vector<std::size_t>& sizes) const {
+  Eigen::VectorXd Common(const Clusters& clusters, const std::vector<std::size_t>& sizes) const {
     const std::vector<double> scores = Scores(clusters, sizes);
     const auto likeliest = std::max_element(scores.begin(), scores.end()) - scores.begin();
     const Noise& noise = noise_[sizes[static_cast<std::size_t>(likeliest)]];
-    const auto count = Eigen::Index{2} * Count(clusters);
+    const Eigen::Index count = RowOf(Count(clusters));
     if (count == 0) return common_ * noise.weighted;
     Eigen::MatrixXd B = Eigen::MatrixXd::Zero(noise.weighted.size(), count);
-    for (std::size_t i = 0; i < clusters.size(); ++i) {
+    for (const LandmarkIndex i : clusters.indices()) {
       if (clusters[i] < 0) continue;
-      B.block<2, 2>(static_cast<Eigen::Index>(2 * i), Eigen::Index{2} * clusters[i]).setIdentity();
+      B.block<2, 2>(RowOf(i), RowOf(clusters[i])).setIdentity();
     }
     const Eigen::MatrixXd LB = noise.information * B;
     Eigen::MatrixXd M = B.transpose() * LB;
@@ -166,7 +166,7 @@ class DisplacementSearch {
 
   // With a cluster as what stayed, and what stayed as a cluster: the same differences, seen from
   // the other side.
-  static std::vector<int> Exchanged(std::vector<int> clusters, int cluster) {
+  static Clusters Exchanged(Clusters clusters, int cluster) {
     for (int& of_landmark : clusters) {
       if (of_landmark == cluster) {
         of_landmark = kNotDisplaced;
@@ -177,7 +177,7 @@ class DisplacementSearch {
     return clusters;
   }
 
-  static int Count(const std::vector<int>& clusters) {
+  static int Count(const Clusters& clusters) {
     return *std::max_element(clusters.begin(), clusters.end()) + 1;
   }
 
@@ -185,8 +185,8 @@ class DisplacementSearch {
   // or two clusters, as they mostly are, without an allocation.
   // @param displaced  Those that are in a cluster, one at least.
   double LogRatio(const Noise& noise,
-                  const std::vector<int>& clusters,
-                  const std::vector<std::size_t>& displaced,
+                  const Clusters& clusters,
+                  const std::vector<LandmarkIndex>& displaced,
                   int count) const {
     switch (count) {
       case 1:
@@ -200,20 +200,19 @@ class DisplacementSearch {
 
   template <int kSize>
   double LogRatioOfSize(const Noise& noise,
-                        const std::vector<int>& clusters,
-                        const std::vector<std::size_t>& displaced,
+                        const Clusters& clusters,
+                        const std::vector<LandmarkIndex>& displaced,
                         int count) const {
     using Matrix = Eigen::Matrix<double, kSize, kSize>;
     using Vector = Eigen::Matrix<double, kSize, 1>;
     Matrix M = Matrix::Zero(2 * count, 2 * count);  // BᵀΛB
     Vector w = Vector::Zero(2 * count);
-    for (const std::size_t i : displaced) {
-      const auto row = static_cast<Eigen::Index>(2 * i);
-      const Eigen::Index a = Eigen::Index{2} * clusters[i];
-      w.template segment<2>(a) += noise.weighted.segment<2>(row);
-      for (const std::size_t j : displaced) {
-        M.template block<2, 2>(a, Eigen::Index{2} * clusters[j]) +=
-            noise.information.block<2, 2>(row, static_cast<Eigen::Index>(2 * j));
+    for (const LandmarkIndex i : displaced) {
+      const Eigen::Index a = RowOf(clusters[i]);
+      w.template segment<2>(a) += noise.weighted.segment<2>(RowOf(i));
+      for (const LandmarkIndex j : displaced) {
+        M.template block<2, 2>(a, RowOf(clusters[j])) +=
+            noise.information.block<2, 2>(RowOf(i), RowOf(j));
       }
     }
     Eigen::Matrix<double, kSds, 1> terms;
@@ -232,10 +231,10 @@ class DisplacementSearch {
 
   // Log posterior of clusters, without what all have in common, with noise of each of some sizes.
   // Empty clusters do not count.
-  std::vector<double> Scores(const std::vector<int>& clusters,
+  std::vector<double> Scores(const Clusters& clusters,
                              const std::vector<std::size_t>& sizes) const {
-    std::vector<std::size_t> displaced;
-    for (std::size_t i = 0; i < clusters.size(); ++i) {
+    std::vector<LandmarkIndex> displaced;
+    for (const LandmarkIndex i : clusters.indices()) {
       if (clusters[i] >= 0) displaced.push_back(i);
     }
     const int count = Count(clusters);
@@ -250,13 +249,13 @@ class DisplacementSearch {
     return scores;
   }
 
-  double Score(const std::vector<int>& clusters, const std::vector<std::size_t>& sizes) const {
+  double Score(const Clusters& clusters, const std::vector<std::size_t>& sizes) const {
     const std::vector<double> scores = Scores(clusters, sizes);
     return LogSumExp(Eigen::Map<const Eigen::VectorXd>(scores.data(), std::ssize(scores)));
   }
 
   // The sizes of noise that are not negligible with such clusters.
-  std::vector<std::size_t> SizesFor(const std::vector<int>& clusters) const {
+  std::vector<std::size_t> SizesFor(const Clusters& clusters) const {
     std::vector<std::size_t> sizes(noise_.size());
     std::iota(sizes.begin(), sizes.end(), std::size_t{0});
     const std::vector<double> scores = Scores(clusters, sizes);
@@ -266,18 +265,18 @@ class DisplacementSearch {
   }
 
   // Landmarks in no cluster, those that gain most by being displaced alone first.
-  std::vector<std::size_t> Candidates(int cluster) const {
+  std::vector<LandmarkIndex> Candidates(int cluster) const {
     const std::vector<std::size_t> sizes = SizesFor(clusters_);
-    std::vector<std::pair<double, std::size_t>> losses;
-    std::vector<int> alone = clusters_;
-    for (std::size_t i = 0; i < clusters_.size(); ++i) {
+    std::vector<std::pair<double, LandmarkIndex>> losses;
+    Clusters alone = clusters_;
+    for (const LandmarkIndex i : clusters_.indices()) {
       if (clusters_[i] >= 0) continue;
       alone[i] = cluster;
       losses.emplace_back(-Score(alone, sizes), i);
       alone[i] = kNotDisplaced;
     }
     std::sort(losses.begin(), losses.end());
-    std::vector<std::size_t> candidates;
+    std::vector<LandmarkIndex> candidates;
     for (const auto& [loss, i] : losses) candidates.push_back(i);
     return candidates;
   }
@@ -286,15 +285,16 @@ class DisplacementSearch {
   // gains.
   bool AddCluster() {
     const int cluster = FirstUnused();
-    const std::vector<std::size_t> candidates = Candidates(cluster);
-    std::pair<double, std::vector<int>> best{Score(clusters_, SizesFor(clusters_)), {}};
-    std::vector<bool> grown_over(clusters_.size());  // It would grow again from these.
+    const std::vector<LandmarkIndex> candidates = Candidates(cluster);
+    std::pair<double, Clusters> best{Score(clusters_, SizesFor(clusters_)), {}};
+    IndexedVector<LandmarkIndex, bool> grown_over(
+        clusters_.size());  // It would grow again from these.
     for (std::size_t seed = 0; seed < std::min(kSeeds, candidates.size()); ++seed) {
       if (grown_over[candidates[seed]]) continue;
-      std::vector<int> grown = clusters_;
+      Clusters grown = clusters_;
       grown[candidates[seed]] = cluster;
       const double score = Grow(candidates, cluster, &grown);
-      for (std::size_t i = 0; i < grown.size(); ++i) {
+      for (const LandmarkIndex i : grown.indices()) {
         if (grown[i] == cluster) grown_over[i] = true;
       }
       grown_.push_back(grown);
@@ -306,20 +306,18 @@ class DisplacementSearch {
   }
 
   // Adds to a cluster what gains most, until nothing does. Returns the score.
-  double Grow(const std::vector<std::size_t>& candidates,
-              int cluster,
-              std::vector<int>* clusters) const {
+  double Grow(const std::vector<LandmarkIndex>& candidates, int cluster, Clusters* clusters) const {
     for (;;) {
       const std::vector<std::size_t> sizes = SizesFor(*clusters);
       const double score = Score(*clusters, sizes);
-      std::pair<double, std::size_t> next{score, clusters->size()};
-      for (const std::size_t i : candidates) {
+      std::pair<double, LandmarkIndex> next{score, clusters->end_index()};
+      for (const LandmarkIndex i : candidates) {
         if ((*clusters)[i] >= 0) continue;
         (*clusters)[i] = cluster;
         if (const double with = Score(*clusters, sizes); with > next.first) next = {with, i};
         (*clusters)[i] = kNotDisplaced;
       }
-      if (next.second == clusters->size()) return score;
+      if (next.second == clusters->end_index()) return score;
       (*clusters)[next.second] = cluster;
     }
   }
@@ -356,9 +354,9 @@ class DisplacementSearch {
   }
 
   // Clusters numbered by their first landmark, without gaps.
-  static std::vector<int> Numbered(const std::vector<int>& clusters) {
+  static Clusters Numbered(const Clusters& clusters) {
     std::vector<int> numbers(clusters.size() + 1, kNotDisplaced);
-    std::vector<int> result;
+    Clusters result;
     int next = 0;
     for (const int cluster : clusters) {
       if (cluster >= 0 && numbers[static_cast<std::size_t>(cluster)] < 0) {
@@ -373,8 +371,8 @@ class DisplacementSearch {
   DisplacementPrior prior_;
   std::vector<Noise> noise_;
   Eigen::MatrixXd common_;
-  std::vector<int> clusters_;
-  std::vector<std::vector<int>> grown_;
+  Clusters clusters_;
+  std::vector<Clusters> grown_;
 };
 
 }  // namespace

@@ -37,11 +37,9 @@ struct DifferenceCovariance {
   }
 };
 
-inline constexpr int kNotDisplaced = -1;
-
 /// One way in which landmarks may have been displaced.
 struct Displacement {
-  std::vector<int> clusters;  ///< Per landmark its cluster, from 0, or kNotDisplaced.
+  Clusters clusters;  ///< Numbered from 0.
   double probability = 0.0;
 
   /// What of the differences all landmarks have in common, stacked (x, y): in what frame they are

@@ -65,35 +65,35 @@ DisplacementPrior::DisplacementPrior(const std::vector<Eigen::Vector2d>& positio
   }
 }
 
-double DisplacementPrior::LogProbability(const std::vector<int>& clusters) const {
-  std::vector<std::vector<int>> members;
-  std::vector<int> staying;
-  for (std::size_t i = 0; i < clusters.size(); ++i) {
-    if (clusters[i] < 0) {
-      staying.push_back(static_cast<int>(i));
+double DisplacementPrior::LogProbability(const Clusters& clusters) const {
+  std::vector<Members> members;
+  Members staying;
+  for (const LandmarkIndex i : clusters.indices()) {
+    if (clusters[i] == kNotDisplaced) {
+      staying.push_back(i);
       continue;
     }
     const auto cluster = static_cast<std::size_t>(clusters[i]);
     if (cluster >= members.size()) members.resize(cluster + 1);
-    members[cluster].push_back(static_cast<int>(i));
+    members[cluster].push_back(i);
   }
-  std::erase_if(members, [](const std::vector<int>& cluster) { return cluster.empty(); });
+  std::erase_if(members, [](const Members& cluster) { return cluster.empty(); });
   double log_probability = 0.0;
-  for (const std::vector<int>& cluster : members) {
+  for (const Members& cluster : members) {
     log_probability += LogTree(cluster, static_cast<double>(members.size()));
   }
   return log_probability + LogStaying(members, staying);
 }
 
-double DisplacementPrior::LogTree(const std::vector<int>& members, double clusters) const {
+double DisplacementPrior::LogTree(const Members& members, double clusters) const {
   // The tree of Prim: what is likeliest to go along with it is next.
-  std::vector<int> outside(members.begin() + 1, members.end());
+  Members outside(members.begin() + 1, members.end());
   std::vector<double> to_tree(outside.size());
   LogProduct probability;
-  int newest = members.front();
+  LandmarkIndex newest = members.front();
   while (!outside.empty()) {
     for (std::size_t i = 0; i < outside.size(); ++i) {
-      to_tree[i] = std::max(to_tree[i], along_(outside[i], newest));
+      to_tree[i] = std::max(to_tree[i], Along(outside[i], newest));
     }
     const auto next = static_cast<std::size_t>(std::max_element(to_tree.begin(), to_tree.end()) -
                                                to_tree.begin());
@@ -107,14 +107,14 @@ double DisplacementPrior::LogTree(const std::vector<int>& members, double cluste
   return log_displaced_ + probability.Log();
 }
 
-double DisplacementPrior::LogStaying(const std::vector<std::vector<int>>& clusters,
-                                     const std::vector<int>& staying) const {
+double DisplacementPrior::LogStaying(const std::vector<Members>& clusters,
+                                     const Members& staying) const {
   const auto count = static_cast<double>(clusters.size());
   LogProduct probability;
-  for (const int i : staying) {
-    for (const std::vector<int>& cluster : clusters) {
+  for (const LandmarkIndex i : staying) {
+    for (const Members& cluster : clusters) {
       double along = 0.0;
-      for (const int member : cluster) along = std::max(along, along_(member, i));
+      for (const LandmarkIndex member : cluster) along = std::max(along, Along(member, i));
       probability *= 1.0 - along / count;
     }
   }

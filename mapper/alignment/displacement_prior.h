@@ -4,6 +4,8 @@
 #include <Eigen/Core>
 #include <vector>
 
+#include "mapper/index.h"
+
 namespace shiftmap {
 
 struct DisplacementPriorOptions {
@@ -20,6 +22,10 @@ struct DisplacementPriorOptions {
   /// What is next to a landmark, in units of the median distance of landmarks to their nearest.
   double neighbourhood = 3.0;
 };
+
+/// Per landmark the cluster that it was displaced with, or kNotDisplaced.
+using Clusters = IndexedVector<LandmarkIndex, int>;
+inline constexpr int kNotDisplaced = -1;
 
 /// How likely landmarks are to be displaced together, before their positions are compared.
 ///
@@ -39,14 +45,15 @@ class DisplacementPrior {
   DisplacementPrior(const std::vector<Eigen::Vector2d>& positions,
                     const DisplacementPriorOptions& options);
 
-  /// log Pr of clusters.
-  /// @param clusters  Per landmark its cluster, negative for none; empty ones do not count.
-  double LogProbability(const std::vector<int>& clusters) const;
+  /// log Pr of clusters. Empty ones do not count.
+  double LogProbability(const Clusters& clusters) const;
 
  private:
-  double LogTree(const std::vector<int>& members, double clusters) const;
-  double LogStaying(const std::vector<std::vector<int>>& clusters,
-                    const std::vector<int>& staying) const;
+  using Members = std::vector<LandmarkIndex>;
+
+  double Along(LandmarkIndex i, LandmarkIndex j) const { return along_(i.value(), j.value()); }
+  double LogTree(const Members& members, double clusters) const;
+  double LogStaying(const std::vector<Members>& clusters, const Members& staying) const;
 
   double log_displaced_;
   Eigen::MatrixXd along_;  // p(r) for every two landmarks.

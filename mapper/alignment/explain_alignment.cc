@@ -22,8 +22,7 @@ constexpr std::size_t kMaxDrawn = 100;
 // Hypotheses that are one frame: the first of them is the most likely.
 struct Frame {
   const Hypothesis* best = nullptr;
-  double probability = 0.0;
-  StayedSets sets = {};
+  StayedSets sets;
 };
 
 // Whether two transforms place every landmark this alike.
@@ -31,7 +30,7 @@ bool AreAlike(const AlignmentEvidence& evidence,
               const SimilarityFit& x,
               const SimilarityFit& y,
               double tolerance_m) {
-  for (int k = 0; k < static_cast<int>(evidence.matches().size()); ++k) {
+  for (const MatchIndex k : evidence.matches().indices()) {
     const Eigen::Vector2d& p = evidence.PositionInReference(k);
     if (!((x * p - y * p).norm() < tolerance_m)) return false;
   }
@@ -67,19 +66,11 @@ std::vector<SimilarityFit> Draws(const SimilarityFit& fit,
   return draws;
 }
 
-std::vector<int> GroupsOf(const AlignmentEvidence& evidence, const MatchSet& matches) {
-  std::vector<int> groups;
-  for (const int k : matches.Members()) groups.push_back(evidence.GroupOf(k));
+std::vector<GroupIndex> GroupsOf(const AlignmentEvidence& evidence, const MatchSet& matches) {
+  std::vector<GroupIndex> groups;
+  for (const MatchIndex k : matches.Members()) groups.push_back(evidence.GroupOf(k));
   groups.erase(std::unique(groups.begin(), groups.end()), groups.end());
   return groups;
-}
-
-void AddTo(const AlignmentEvidence& evidence,
-           const Hypothesis& hypothesis,
-           double probability,
-           Frame* frame) {
-  frame->probability += probability;
-  frame->sets[GroupsOf(evidence, hypothesis.stayed)] += probability;
 }
 
 // Each hypothesis adds to a frame what its transform, which it knows only so well, has of
@@ -92,6 +83,7 @@ std::vector<Frame> SumToFrames(const AlignmentEvidence& evidence,
   for (std::size_t i = 0; i < hypotheses.size(); ++i) {
     const Hypothesis& hypothesis = hypotheses[i];
     if (hypothesis.probability < kMinProbability) break;
+    const std::vector<GroupIndex> groups = GroupsOf(evidence, hypothesis.stayed);
     double rest = hypothesis.probability;
     if (!hypothesis.stayed.empty()) {
       const std::vector<SimilarityFit> draws = i < kMaxDrawn
@@ -106,13 +98,12 @@ std::vector<Frame> SumToFrames(const AlignmentEvidence& evidence,
                  AreAlike(evidence, draw, known.best->fit, tolerance_m);
         });
         if (frame == end) continue;
-        AddTo(evidence, hypothesis, each, &*frame);
+        frame->sets[groups] += each;
         rest -= each;
       }
     }
     if (rest < kMinProbability) continue;
-    frames.push_back({&hypothesis});
-    AddTo(evidence, hypothesis, rest, &frames.back());
+    frames.push_back({&hypothesis, {{groups, rest}}});
   }
   return frames;
 }
@@ -128,7 +119,7 @@ Alignment ToReference(const AlignmentEvidence& evidence, const Hypothesis& hypot
   alignment.variance_m2 = 0.5 * fit.covariance.topLeftCorner<2, 2>().trace();
   alignment.variance_rad2 = fit.covariance(2, 2);
   double squared = 0.0;
-  for (const int k : hypothesis.stayed.Members()) {
+  for (const MatchIndex k : hypothesis.stayed.Members()) {
     squared += (evidence.PositionInOther(k) - fit * evidence.PositionInReference(k)).squaredNorm();
   }
   alignment.rms_m = std::sqrt(squared / hypothesis.stayed.Count());
@@ -140,8 +131,8 @@ Explanation Describe(const AlignmentEvidence& evidence, const Frame& frame) {
       DescribeFrame(frame.sets, GroupsOf(evidence, frame.best->stayed), evidence.groups());
   if (!frame.best->stayed.empty()) explanation.alignment = ToReference(evidence, *frame.best);
   explanation.together = GroupsOf(evidence, frame.best->together);
-  for (const int k : frame.best->stayed.Members()) {
-    explanation.stayed.push_back(evidence.matches()[static_cast<std::size_t>(k)]);
+  for (const MatchIndex k : frame.best->stayed.Members()) {
+    explanation.stayed.push_back(evidence.matches()[k]);
   }
   return explanation;
 }

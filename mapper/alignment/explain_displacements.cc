@@ -20,9 +20,10 @@ bool AreOfOneFrame(const Displacement& x, const Displacement& y, double toleranc
   return true;
 }
 
-std::vector<int> StayedGroups(const std::vector<int>& groups, const Displacement& displacement) {
-  std::vector<int> stayed;
-  for (std::size_t i = 0; i < groups.size(); ++i) {
+std::vector<GroupIndex> StayedGroups(const IndexedVector<LandmarkIndex, GroupIndex>& groups,
+                                     const Displacement& displacement) {
+  std::vector<GroupIndex> stayed;
+  for (const LandmarkIndex i : groups.indices()) {
     if (displacement.clusters[i] == kNotDisplaced) stayed.push_back(groups[i]);
   }
   stayed.erase(std::unique(stayed.begin(), stayed.end()), stayed.end());
@@ -31,7 +32,7 @@ std::vector<int> StayedGroups(const std::vector<int>& groups, const Displacement
 
 }  // namespace
 
-Explanations ExplainDisplacements(const std::vector<int>& groups,
+Explanations ExplainDisplacements(const IndexedVector<LandmarkIndex, GroupIndex>& groups,
                                   const std::vector<Displacement>& displacements,
                                   double same_frame_m) {
   std::vector<DisplacedFrame> frames;

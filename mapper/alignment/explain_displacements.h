@@ -14,7 +14,7 @@ namespace shiftmap {
 /// Of Explanation::alignment there are signatures only, and Explanation::stayed is empty.
 /// @param groups         Of the landmarks, ascending.
 /// @param displacements  By falling probability.
-Explanations ExplainDisplacements(const std::vector<int>& groups,
+Explanations ExplainDisplacements(const IndexedVector<LandmarkIndex, GroupIndex>& groups,
                                   const std::vector<Displacement>& displacements,
                                   double same_frame_m);
 

@@ -14,8 +14,8 @@ constexpr double kUnlikely = 0.01;
 // Groups whose probability of having stayed differs by this between two frames decide between them.
 constexpr double kDecidingDifference = 0.5;
 
-std::vector<int> Deciding(const Explanation& x, const Explanation& y) {
-  std::vector<int> deciding;
+std::vector<GroupIndex> Deciding(const Explanation& x, const Explanation& y) {
+  std::vector<GroupIndex> deciding;
   for (std::size_t i = 0; i < x.given.stays.size(); ++i) {
     const auto& [group, stays] = x.given.stays[i];
     if (std::abs(stays - y.given.stays[i].second) > kDecidingDifference) deciding.push_back(group);
@@ -33,17 +33,17 @@ std::vector<StayedSet> ByFallingProbability(const StayedSets& sets) {
 }
 
 Explanation DescribeFrame(const StayedSets& sets,
-                          const std::vector<int>& likeliest,
-                          const std::vector<int>& groups) {
+                          const std::vector<GroupIndex>& likeliest,
+                          const std::vector<GroupIndex>& groups) {
   Explanation explanation;
   for (const auto& [stayed, probability] : sets) explanation.probability += probability;
   StayedSets likely;
-  std::map<int, double> stays;
-  for (const int group : groups) stays[group] = 0.0;
+  std::map<GroupIndex, double> stays;
+  for (const GroupIndex group : groups) stays[group] = 0.0;
   for (const auto& [stayed, probability] : sets) {
     const double share = probability / explanation.probability;
     if (share >= kUnlikely) likely[stayed] = share;
-    for (const int group : stayed) stays[group] += share;
+    for (const GroupIndex group : stayed) stays[group] += share;
   }
   explanation.given.alternatives = ByFallingProbability(likely);
   explanation.given.stays.assign(stays.begin(), stays.end());
@@ -55,7 +55,7 @@ Explanation DescribeFrame(const StayedSets& sets,
 }
 
 Explanations BySets(const Explanation& frame) {
-  std::vector<int> groups;
+  std::vector<GroupIndex> groups;
   for (const auto& [group, stays] : frame.given.stays) groups.push_back(group);
   std::vector<Explanation> sets;
   for (const StayedSet& set : frame.given.alternatives) {

@@ -12,8 +12,8 @@ namespace shiftmap {
 
 /// A set of groups that stayed.
 struct StayedSet {
-  std::vector<int> groups;   ///< Ascending.
-  double probability = 0.0;  ///< Given the frame.
+  std::vector<GroupIndex> groups;  ///< Ascending.
+  double probability = 0.0;        ///< Given the frame.
 };
 
 /// Which groups stayed, given a frame.
@@ -22,7 +22,7 @@ struct StayedPosterior {
   std::vector<StayedSet> alternatives;
 
   /// Per group in common, ascending, the probability that it stayed.
-  std::vector<std::pair<int, double>> stays;
+  std::vector<std::pair<GroupIndex, double>> stays;
 };
 
 /// One frame that the other map may have in the reference, and the most likely set of landmarks
@@ -30,8 +30,8 @@ struct StayedPosterior {
 struct Explanation {
   Alignment alignment;        ///< Its signatures are those that stayed; none: fewer than two did.
   std::vector<Match> stayed;  ///< What stayed where.
-  std::vector<int> moved;     ///< Groups of which nothing stayed, ascending.
-  std::vector<int>
+  std::vector<GroupIndex> moved;  ///< Groups of which nothing stayed, ascending.
+  std::vector<GroupIndex>
       together;  ///< Of these, those of the likeliest body, if one is likelier than none.
   double probability = 0.0;  ///< Of the frame, over all sets of landmarks that lead to it.
 
@@ -43,15 +43,17 @@ struct Explanation {
 struct Explanations {
   std::vector<Explanation> frames;  ///< By falling probability; they add up to one, but for 1e-6.
 
+  const Explanation& best() const { return frames.front(); }
+
   /// Groups that stayed in one of the two most likely frames and moved in the other: another run
   /// past them decides.
-  std::vector<int> deciding;
+  std::vector<GroupIndex> deciding;
 
   double nothing_stayed = 0.0;  ///< Probability that fewer than two landmarks stayed.
 };
 
 /// Sets of groups that stayed, ascending, with their probabilities.
-using StayedSets = std::map<std::vector<int>, double>;
+using StayedSets = std::map<std::vector<GroupIndex>, double>;
 
 std::vector<StayedSet> ByFallingProbability(const StayedSets& sets);
 
@@ -60,8 +62,8 @@ std::vector<StayedSet> ByFallingProbability(const StayedSets& sets);
 /// @param likeliest  Of these.
 /// @param groups     In common, in any order, each once or more.
 Explanation DescribeFrame(const StayedSets& sets,
-                          const std::vector<int>& likeliest,
-                          const std::vector<int>& groups);
+                          const std::vector<GroupIndex>& likeliest,
+                          const std::vector<GroupIndex>& groups);
 
 /// The sets that lead to a frame, each as one of its own.
 Explanations BySets(const Explanation& frame);

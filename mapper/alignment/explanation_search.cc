@@ -21,7 +21,7 @@ namespace {
 constexpr double kPairGate = 4.0;
 
 // Of more matches, a pair that a maximum contains starts no search of its own.
-constexpr int kManyMatches = 15;
+constexpr std::size_t kManyMatches = 15;
 
 // Bodies that are looked for together.
 constexpr std::size_t kMaxBodies = 6;
@@ -35,8 +35,7 @@ class ExplanationSearch {
         prior_(prior),
         limits_(limits),
         rigid_(evidence, prior),
-        matches_(static_cast<int>(evidence.matches().size())),
-        landmarks_(static_cast<int>(evidence.groups().size())) {}
+        many_(evidence.matches().size() > kManyMatches) {}
 
   std::vector<Hypothesis> Find() {
     Climb();
@@ -71,7 +70,7 @@ class ExplanationSearch {
     return scores_.emplace(stayed, e_.Score(stayed)).first->second;
   }
 
-  const SetScore& ScoreWithGains(const MatchSet& stayed, std::vector<double>* gains) {
+  const SetScore& ScoreWithGains(const MatchSet& stayed, IndexedVector<MatchIndex, double>* gains) {
     SetScore score = e_.Score(stayed, gains);
     return scores_.insert_or_assign(stayed, std::move(score)).first->second;
   }
@@ -82,7 +81,7 @@ class ExplanationSearch {
     return best;
   }
 
-  bool Agree(int j, int k) const {
+  bool Agree(MatchIndex j, MatchIndex k) const {
     const double a = (e_.PositionInReference(j) - e_.PositionInReference(k)).norm();
     const double b = (e_.PositionInOther(j) - e_.PositionInOther(k)).norm();
     const double variance =
@@ -91,13 +90,14 @@ class ExplanationSearch {
   }
 
   void Climb() {
-    for (int j = 0; j < matches_; ++j) {
-      for (int k = j + 1; k < matches_; ++k) {
+    const MatchIndex end = e_.matches().end_index();
+    for (MatchIndex j = 0; j < end; ++j) {
+      for (MatchIndex k = j + 1; k < end; ++k) {
         const MatchSet pair = MatchSet::Of(j).Flipped(k);
         if (e_.Rivals(j).Contains(k) || !Agree(j, k)) continue;
         const bool inside = std::any_of(
             maxima_.begin(), maxima_.end(), [&](const MatchSet& s) { return s.Includes(pair); });
-        if (matches_ <= kManyMatches || !inside) ClimbFrom(pair);
+        if (!many_ || !inside) ClimbFrom(pair);
       }
     }
   }
@@ -106,17 +106,17 @@ class ExplanationSearch {
   void ClimbFrom(MatchSet stayed) {
     constexpr double kPlainly = 2.0;  // [nats]
     constexpr int kLargeSet = 4;
-    std::vector<double> gains;
+    IndexedVector<MatchIndex, double> gains;
     while (climbed_.insert(stayed).second) {
       const double score = ScoreWithGains(stayed, &gains).log_score;
       const auto best = std::max_element(gains.begin(), gains.end());
       if (*best <= 0.0) break;
-      const MatchSet one = stayed.Flipped(static_cast<int>(best - gains.begin()));
+      const MatchSet one = stayed.Flipped(MatchIndex(best - gains.begin()));
       MatchSet next = one;
-      const bool several = matches_ > kManyMatches && stayed.Count() >= kLargeSet;
-      for (int k = 0; several && k < matches_; ++k) {
-        if (next.Intersects(e_.Rivals(k))) continue;
-        if (gains[static_cast<std::size_t>(k)] > kPlainly) next = next.Flipped(k);
+      const bool several = many_ && stayed.Count() >= kLargeSet;
+      for (const MatchIndex k : gains.indices()) {
+        if (!several || next.Intersects(e_.Rivals(k))) continue;
+        if (gains[k] > kPlainly) next = next.Flipped(k);
       }
       if (Score(next).log_score <= score) next = one;
       if (Score(next).log_score <= score) break;
@@ -150,15 +150,15 @@ class ExplanationSearch {
     for (const MatchSet& stayed : maxima_) {
       if (queued.insert(stayed).second) add(stayed);
     }
-    std::vector<double> gains;
+    IndexedVector<MatchIndex, double> gains;
     for (int i = 0; i < limits_.max_expanded && !queue.empty(); ++i) {
       const auto [score, stayed] = queue.top();
       queue.pop();
       if (score < best - limits_.window) return;
       ScoreWithGains(stayed, &gains);
-      for (int k = 0; k < matches_; ++k) {
+      for (const MatchIndex k : gains.indices()) {
         const MatchSet next = stayed.Flipped(k);
-        const double expected = score + gains[static_cast<std::size_t>(k)];
+        const double expected = score + gains[k];
         if (next.Count() < 2 || !(expected > best - limits_.window - 1.0)) continue;
         if (queued.insert(next).second) add(next);
       }
@@ -168,7 +168,7 @@ class ExplanationSearch {
   // All matches that some rule out, and these.
   MatchSet RivalsOf(const MatchSet& matches) const {
     MatchSet rivals;
-    for (const int k : matches.Members()) rivals = rivals | e_.Rivals(k);
+    for (const MatchIndex k : matches.Members()) rivals = rivals | e_.Rivals(k);
     return rivals;
   }
 
@@ -251,8 +251,8 @@ class ExplanationSearch {
   Hypothesis NothingStayed() {
     const double near = LogAllMovedSomeNear(e_, prior_, LikeliestFits()) + rigid_.LogAllMoved({});
     StayedLandmarks none;
-    none.log_moved.assign(static_cast<std::size_t>(landmarks_), e_.log_anywhere());
-    const double bodies = landmarks_ * e_.log_anywhere() + LogBodies(none, nullptr);
+    none.log_moved.assign(e_.groups().size(), e_.log_anywhere());
+    const double bodies = e_.LogAllAnywhere() + LogBodies(none, nullptr);
     Hypothesis nothing;
     nothing.log_score = LogAdd(near, bodies) + std::log(prior_.none_stayed);
     return nothing;
@@ -275,8 +275,7 @@ class ExplanationSearch {
   const MovePrior& prior_;
   const ExplanationLimits& limits_;
   RigidBodies rigid_;
-  int matches_;
-  int landmarks_;
+  bool many_;                            // Matches.
   std::map<MatchSet, SetScore> scores_;  // In the order of sets: sums do not depend on the search.
   std::unordered_set<MatchSet> climbed_;
   std::vector<MatchSet> maxima_;

@@ -10,12 +10,14 @@
 #include <numeric>
 #include <vector>
 
+#include "mapper/index.h"
+
 namespace shiftmap {
 
 /// Matches in one set at most: thirty landmarks with four modes in each of two maps.
 inline constexpr int kMaxMatches = 512;
 
-/// A set of matches, by index below kMaxMatches. Ordered, so that results do not depend on where
+/// A set of matches, those before kMaxMatches. Ordered, so that results do not depend on where
 /// sets are in memory.
 class MatchSet {
  public:
@@ -28,7 +30,7 @@ class MatchSet {
     return set;
   }
 
-  static MatchSet Of(int match) { return MatchSet().Flipped(match); }
+  static MatchSet Of(MatchIndex match) { return MatchSet().Flipped(match); }
 
   bool empty() const { return *this == MatchSet(); }
 
@@ -39,24 +41,26 @@ class MatchSet {
   }
 
   /// By ascending index.
-  std::vector<int> Members() const {
-    std::vector<int> members;
+  std::vector<MatchIndex> Members() const {
+    std::vector<MatchIndex> members;
     for (std::size_t i = 0; i < kWords; ++i) {
       for (std::uint64_t left = words_[i]; left != 0; left &= left - 1) {
-        members.push_back(static_cast<int>(i * kBits) + std::countr_zero(left));
+        members.push_back(MatchIndex(i * kBits) + std::countr_zero(left));
       }
     }
     return members;
   }
 
-  bool Contains(int match) const { return ((words_[WordOf(match)] >> BitOf(match)) & 1) != 0; }
+  bool Contains(MatchIndex match) const {
+    return ((words_[WordOf(match)] >> BitOf(match)) & 1) != 0;
+  }
 
   bool Includes(const MatchSet& other) const { return (*this & other) == other; }
 
   bool Intersects(const MatchSet& other) const { return !(*this & other).empty(); }
 
   /// With the match if it is not in the set, else without it.
-  MatchSet Flipped(int match) const {
+  MatchSet Flipped(MatchIndex match) const {
     MatchSet set = *this;
     set.words_[WordOf(match)] ^= std::uint64_t{1} << BitOf(match);
     return set;
@@ -96,8 +100,9 @@ class MatchSet {
   static constexpr std::size_t kBits = 64;
   static constexpr std::size_t kWords = kMaxMatches / kBits;
 
-  static std::size_t WordOf(int match) { return static_cast<std::size_t>(match) / kBits; }
-  static std::size_t BitOf(int match) { return static_cast<std::size_t>(match) % kBits; }
+  static std::size_t Place(MatchIndex match) { return static_cast<std::size_t>(match.value()); }
+  static std::size_t WordOf(MatchIndex match) { return Place(match) / kBits; }
+  static std::size_t BitOf(MatchIndex match) { return Place(match) % kBits; }
 
   std::array<std::uint64_t, kWords> words_{};
 };

@@ -10,8 +10,6 @@
 namespace shiftmap {
 namespace {
 
-constexpr double kTwoPi = 2.0 * std::numbers::pi;
-
 // Bodies that move go on facing about the same way in half of all cases, scattered ones in all.
 // [rad]
 constexpr double kSameHeadingSd = 0.2;
@@ -61,8 +59,8 @@ MovedBodies MovedBodies::With(const Body& body) const {
     }
   }
   more.log_gain_ += body.log_evidence + log_went;
-  for (const int k : body.matches.Members()) {
-    more.log_gain_ -= stayed_->log_moved[static_cast<std::size_t>(e_->LandmarkOf(k))];
+  for (const MatchIndex k : body.matches.Members()) {
+    more.log_gain_ -= stayed_->log_moved[e_->LandmarkOf(k)];
   }
   return more;
 }

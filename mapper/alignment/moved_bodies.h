@@ -21,7 +21,8 @@ struct Body {
 struct StayedLandmarks {
   MatchSet matches;
   const SimilarityFit* fit = nullptr;  ///< Null: nothing stayed, and where bodies went is unknown.
-  std::vector<double> log_moved;  ///< Per landmark log density of its position if it moved alone.
+  ///< log density of a position if its landmark moved alone.
+  IndexedVector<LandmarkIndex, double> log_moved;
 };
 
 /// Bodies that moved, beside what stayed.

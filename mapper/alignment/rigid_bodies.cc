@@ -69,12 +69,12 @@ RigidBodies::RigidBodies(const AlignmentEvidence& evidence, const MovePrior& pri
 
 // log density of where a body stands, if it stands close together, against as many landmarks
 // anywhere.
-double RigidBodies::LogCompact(const std::vector<int>& members) const {
+double RigidBodies::LogCompact(const std::vector<MatchIndex>& members) const {
   const auto count = static_cast<double>(members.size());
   Eigen::Vector2d mean = Eigen::Vector2d::Zero();
-  for (const int k : members) mean += e_.PositionInReference(k) / count;
+  for (const MatchIndex k : members) mean += e_.PositionInReference(k) / count;
   double squared = 0.0;
-  for (const int k : members) squared += (e_.PositionInReference(k) - mean).squaredNorm();
+  for (const MatchIndex k : members) squared += (e_.PositionInReference(k) - mean).squaredNorm();
   double log_compact = kLogZero;
   for (const double sd : prior_.body_sd_m) {
     log_compact = LogAdd(
@@ -86,10 +86,10 @@ double RigidBodies::LogCompact(const std::vector<int>& members) const {
 }
 
 double RigidBodies::LogWeight(const MatchSet& body) const {
-  const std::vector<int> members = body.Members();
+  const std::vector<MatchIndex> members = body.Members();
   const auto count = static_cast<double>(members.size());
   double log_modes = 0.0;
-  for (const int k : members) log_modes += std::log(static_cast<double>(e_.ModesOf(k)));
+  for (const MatchIndex k : members) log_modes += e_.LogModes(k);
   const double log_stands = LogAdd(std::log1p(-prior_.scattered_share) + LogCompact(members),
                                    std::log(prior_.scattered_share));
   return std::log(prior_.group_share) + (count - kMinSize) * std::log(prior_.group_continue) +
@@ -106,10 +106,10 @@ void RigidBodies::FindClusters() {
   while (clusters_.size() < kMaxClusters) {
     double log_weight = std::log(kMinWeight);
     MatchSet cluster;
-    for (int centre = 0; centre < std::ssize(e_.matches()); ++centre) {
+    for (const MatchIndex centre : e_.matches().indices()) {
       if (taken.Contains(centre)) continue;
       MatchSet body;
-      for (const int k : NearestTo(centre, taken)) {
+      for (const MatchIndex k : NearestTo(centre, taken)) {
         if (body.Intersects(e_.Rivals(k))) continue;
         body = body.Flipped(k);
         if (body.Count() < kMinSize) continue;
@@ -122,14 +122,14 @@ void RigidBodies::FindClusters() {
     if (cluster.empty()) return;
     clusters_.push_back(cluster);
     weights_.push_back(std::exp(log_weight));
-    for (const int k : cluster.Members()) taken = taken | e_.Rivals(k);
+    for (const MatchIndex k : cluster.Members()) taken = taken | e_.Rivals(k);
   }
 }
 
-std::vector<int> RigidBodies::NearestTo(int match, const MatchSet& taken) const {
+std::vector<MatchIndex> RigidBodies::NearestTo(MatchIndex match, const MatchSet& taken) const {
   const double reach = kReach * *std::max_element(prior_.body_sd_m.begin(), prior_.body_sd_m.end());
-  std::vector<std::pair<double, int>> near;
-  for (int k = 0; k < std::ssize(e_.matches()); ++k) {
+  std::vector<std::pair<double, MatchIndex>> near;
+  for (const MatchIndex k : e_.matches().indices()) {
     if (taken.Contains(k)) continue;
     const double squared =
         (e_.PositionInReference(k) - e_.PositionInReference(match)).squaredNorm();
@@ -137,7 +137,7 @@ std::vector<int> RigidBodies::NearestTo(int match, const MatchSet& taken) const 
   }
   std::sort(near.begin(), near.end());
   if (near.size() > kMaxSize) near.resize(kMaxSize);
-  std::vector<int> nearest;
+  std::vector<MatchIndex> nearest;
   for (const auto& [squared, k] : near) nearest.push_back(k);
   return nearest;
 }
@@ -161,7 +161,7 @@ double RigidBodies::LogStaying(const MatchSet& stayed, const std::vector<MatchSe
     singly_moved -= body.Count();
   }
   MatchSet present;  // Matches of landmarks that stayed.
-  for (const int k : stayed.Members()) present = present | e_.Rivals(k);
+  for (const MatchIndex k : stayed.Members()) present = present | e_.Rivals(k);
   int singly_stayed = stayed.Count();
   std::vector<std::vector<StayingPolynomial::Term>> factors;
   for (std::size_t c = 0; c < clusters_.size(); ++c) {

@@ -39,12 +39,12 @@ class RigidBodies {
   double ScatteredShare(const MatchSet& body) const;
 
  private:
-  double LogCompact(const std::vector<int>& members) const;
+  double LogCompact(const std::vector<MatchIndex>& members) const;
   double LogWeight(const MatchSet& body) const;
   void FindClusters();
 
   // That are not taken, itself first.
-  std::vector<int> NearestTo(int match, const MatchSet& taken) const;
+  std::vector<MatchIndex> NearestTo(MatchIndex match, const MatchSet& taken) const;
 
   const AlignmentEvidence& e_;
   const MovePrior& prior_;

@@ -12,9 +12,10 @@ namespace shiftmap {
 namespace {
 
 // The modes that a map has of some groups.
-std::vector<ModeIndex> ModesOfGroups(const BuildState& map, const std::set<GroupIndex>& groups) {
+IndexedVector<ModeIndex, ModeIndex> ModesOfGroups(const BuildState& map,
+                                                  const std::set<GroupIndex>& groups) {
   const FlatModes flat(map);
-  std::vector<ModeIndex> modes;
+  IndexedVector<ModeIndex, ModeIndex> modes;
   for (const GroupIndex group : groups) {
     for (const GroupModeIndex mode : map.modes[group].indices()) {
       modes.push_back(flat.Index(group, mode));
@@ -46,16 +47,18 @@ std::optional<JointPoints> MapPoints(const MapperOptions& options,
   }
   for (const GroupIndex group : groups) {
     for (const BuildMode& mode : solved.modes[group]) {
-      map.points.push_back({group.value(), mode.p_map_landmark, Eigen::Matrix2d::Zero()});
+      map.points.push_back({group, mode.p_map_landmark, Eigen::Matrix2d::Zero()});
     }
   }
   return map;
 }
 
 // Takes out all groups of a body but one of those that are there.
-void KeepOne(const AlignmentEvidence& evidence, const MatchSet& body, std::set<int>* groups) {
+void KeepOne(const AlignmentEvidence& evidence,
+             const MatchSet& body,
+             std::set<GroupIndex>* groups) {
   bool is_first = true;
-  for (const int k : body.Members()) {
+  for (const MatchIndex k : body.Members()) {
     const auto found = groups->find(evidence.GroupOf(k));
     if (found == groups->end()) continue;
     if (!std::exchange(is_first, false)) groups->erase(found);
@@ -65,7 +68,7 @@ void KeepOne(const AlignmentEvidence& evidence, const MatchSet& body, std::set<i
 }  // namespace
 
 bool MostAgree(const ConfirmationOptions& options,
-               const std::vector<AlignmentPoint>& reference,
+               const AlignmentPoints& reference,
                double area_m2,
                const RunMap& run_map,
                const std::optional<Alignment>& consensus) {
@@ -73,8 +76,8 @@ bool MostAgree(const ConfirmationOptions& options,
   const JointPoints of_reference{reference, {}};
   const JointPoints of_run_map{run_map.points, {}};
   const AlignmentEvidence evidence(of_reference, of_run_map, area_m2, options.prior);
-  std::set<int> common(evidence.groups().begin(), evidence.groups().end());
-  std::set<int> agreeing(consensus->signatures.begin(), consensus->signatures.end());
+  std::set<GroupIndex> common(evidence.groups().begin(), evidence.groups().end());
+  std::set<GroupIndex> agreeing(consensus->signatures.begin(), consensus->signatures.end());
   if (evidence.matches().size() <= kMaxMatches) {
     const RigidBodies rigid(evidence, options.prior);
     for (const MatchSet& body : rigid.clusters()) {
@@ -88,18 +91,16 @@ bool MostAgree(const ConfirmationOptions& options,
 }
 
 bool NeedsConfirmation(const MapperOptions& options,
-                       const std::vector<AlignmentPoint>& reference,
+                       const AlignmentPoints& reference,
                        double area_m2,
                        const RunMap& run_map,
                        const std::optional<Alignment>& consensus,
                        bool most_agree) {
   if (!most_agree) return true;
   if (!IsStiff(run_map)) return false;
-  std::vector<AlignmentPoint> others;
+  AlignmentPoints others;
   for (const AlignmentPoint& point : run_map.points) {
-    const bool agrees =
-        std::binary_search(consensus->signatures.begin(), consensus->signatures.end(), point.group);
-    if (!agrees) others.push_back(point);
+    if (!consensus->Agrees(point.group)) others.push_back(point);
   }
   return AlignByConsensus(reference, others, area_m2, options.alignment).has_value();
 }
@@ -110,8 +111,8 @@ std::optional<Explanations> ExplainRunMap(const MapperOptions& options,
                                           double area_m2,
                                           const RunMap& run_map) {
   std::set<GroupIndex> groups;
-  for (const AlignmentPoint& point : run_map.points) groups.emplace(point.group);
-  const std::vector<ModeIndex> modes = ModesOfGroups(build, groups);
+  for (const AlignmentPoint& point : run_map.points) groups.insert(point.group);
+  const IndexedVector<ModeIndex, ModeIndex> modes = ModesOfGroups(build, groups);
   if (modes.empty() || std::ssize(modes) > options.confirmation.max_modes) return std::nullopt;
   const double factor = VarianceFactor(options, run_map.build);
   const std::optional<JointPoints> map = MapPoints(options, prior, build, groups, modes);
@@ -123,9 +124,7 @@ std::optional<Explanations> ExplainRunMap(const MapperOptions& options,
                                                      options.confirmation.limits);
   if (!explanations) return std::nullopt;
   for (Explanation& frame : explanations->frames) {
-    for (Match& match : frame.stayed) {
-      match.reference = modes[static_cast<std::size_t>(match.reference)].value();
-    }
+    for (Match& match : frame.stayed) match.reference = modes[match.reference];
   }
   return explanations;
 }

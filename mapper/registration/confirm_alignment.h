@@ -17,7 +17,7 @@ namespace shiftmap {
 /// @param area_m2    That the map takes. [m²]
 /// @param consensus  Nothing, in which none agrees, if there is none.
 bool MostAgree(const ConfirmationOptions& options,
-               const std::vector<AlignmentPoint>& reference,
+               const AlignmentPoints& reference,
                double area_m2,
                const RunMap& run_map,
                const std::optional<Alignment>& consensus);
@@ -29,7 +29,7 @@ bool MostAgree(const ConfirmationOptions& options,
 /// @param area_m2     That the map takes. [m²]
 /// @param most_agree  MostAgree() of the consensus.
 bool NeedsConfirmation(const MapperOptions& options,
-                       const std::vector<AlignmentPoint>& reference,
+                       const AlignmentPoints& reference,
                        double area_m2,
                        const RunMap& run_map,
                        const std::optional<Alignment>& consensus,

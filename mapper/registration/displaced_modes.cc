@@ -118,11 +118,11 @@ DisplacedModes Decide(const MapperOptions& options,
     for (const ModeIndex i : tile) candidates.push_back(met[i]);
     const std::vector<Displacement> displacements =
         DisplacementsOf(options, prior_covariance, candidates, positions, run_cov);
-    std::vector<int> groups;
-    for (std::size_t a = 0; a < candidates.size(); ++a) {
-      const std::size_t i = candidates[a].flat;
-      decided.displaced[i] = displacements.front().clusters[a] != kNotDisplaced;
-      groups.push_back(mode_matches[i].group.value());
+    IndexedVector<LandmarkIndex, GroupIndex> groups;
+    for (const Candidate& candidate : candidates) {
+      decided.displaced[candidate.flat] =
+          displacements.front().clusters[groups.end_index()] != kNotDisplaced;
+      groups.push_back(mode_matches[candidate.flat].group);
     }
     // Where the run lies alike in all that is likely, a landmark in doubt does not matter to it.
     const Explanations precise = ExplainDisplacements(groups, displacements, kPositionFloor);
@@ -193,8 +193,7 @@ IndexedVector<ModeIndex, std::optional<Eigen::Vector2d>> Places(const Alignment&
                                                                 const BuildState& run_map) {
   IndexedVector<ModeIndex, std::optional<Eigen::Vector2d>> places;
   for (const GroupIndex group : run_map.modes.indices()) {
-    const bool agrees =
-        std::binary_search(alignment.signatures.begin(), alignment.signatures.end(), group.value());
+    const bool agrees = alignment.Agrees(group);
     for (const BuildMode& mode : run_map.modes[group]) {
       places.push_back(agrees ? std::optional(mode.p_map_landmark) : std::nullopt);
     }

@@ -14,13 +14,14 @@ namespace {
 // The sets that differ in landmarks in doubt; of the others the first says whether they stayed.
 std::vector<StayedSet> SetsInDoubt(const std::vector<StayedSet>& all,
                                    const KeptAlternatives& kept) {
-  std::map<std::vector<int>, double> sets;
+  StayedSets sets;
   for (const StayedSet& set : all) {
-    std::set<int> stayed(all.front().groups.begin(), all.front().groups.end());
+    std::set<GroupIndex> stayed(all.front().groups.begin(), all.front().groups.end());
     for (const KeptAlternatives::Doubt& doubt : kept.doubts) {
-      const int group = doubt.group.value();
-      stayed.erase(group);
-      if (std::binary_search(set.groups.begin(), set.groups.end(), group)) stayed.insert(group);
+      stayed.erase(doubt.group);
+      if (std::binary_search(set.groups.begin(), set.groups.end(), doubt.group)) {
+        stayed.insert(doubt.group);
+      }
     }
     sets[{stayed.begin(), stayed.end()}] += set.probability;
   }
@@ -42,12 +43,12 @@ std::optional<KeptAlternatives> KeepAlternatives(const StayedPosterior& frame,
                                                  const std::vector<ModeMatch>& mode_matches,
                                                  const BuildState& build,
                                                  std::vector<OptionalMode>* known) {
-  const std::map<int, double> stays(frame.stays.begin(), frame.stays.end());
+  const std::map<GroupIndex, double> stays(frame.stays.begin(), frame.stays.end());
   KeptAlternatives kept;
   std::vector<OptionalMode> without = *known;
   for (std::size_t i = 0; i < mode_matches.size(); ++i) {
     const ModeMatch& mode_match = mode_matches[i];
-    const auto stay = stays.find(mode_match.group.value());
+    const auto stay = stays.find(mode_match.group);
     if (stay == stays.end() || !mode_match.nearest || !apart[i]) continue;
     if (!LeavesDoubt(stay->second, decided)) continue;
     without[i] = kUnassigned;

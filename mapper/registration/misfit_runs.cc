@@ -27,7 +27,7 @@ constexpr int kGauge = 4;
 // A run by itself with the modes that it has in a joint map, and where that map has them.
 struct RunAlone {
   BuildState build;
-  std::vector<int> groups;              // Of the modes that others or the prior map have as well.
+  std::vector<GroupIndex> groups;       // Of the modes that others or the prior map have as well.
   std::vector<ModeIndex> shared;        // These modes.
   std::vector<Eigen::Vector2d> places;  // And their positions in the joint map. [m]
 };
@@ -88,7 +88,7 @@ void DropMistaken(const BuildState& build,
         })) {
       continue;
     }
-    kept.groups.push_back(shared[i].group.value());
+    kept.groups.push_back(shared[i].group);
     kept.shared.push_back(alone->shared[i]);
     kept.places.push_back(alone->places[i]);
   }

@@ -81,17 +81,14 @@ Agreement AgreementOf(const ModeOptions& options, const BuildRun& run, const Own
 }
 
 // The modes of others in the groups that a run has seen.
-std::vector<AlignmentPoint> Reference(const BuildState& build,
-                                      const Owners& others,
-                                      const BuildRun& run) {
+AlignmentPoints Reference(const BuildState& build, const Owners& others, const BuildRun& run) {
   std::set<GroupIndex> groups;
   for (const MappingVisit& visit : run.data->visits) groups.insert(visit.group);
-  std::vector<AlignmentPoint> points;
+  AlignmentPoints points;
   for (const GroupIndex group : groups) {
     for (const GroupModeIndex m : build.modes[group].indices()) {
       if (others[group][m] == 0) continue;
-      points.push_back(
-          {group.value(), build.modes[group][m].p_map_landmark, Eigen::Matrix2d::Zero()});
+      points.push_back({group, build.modes[group][m].p_map_landmark, Eigen::Matrix2d::Zero()});
     }
   }
   return points;
@@ -144,10 +141,8 @@ std::optional<AlignedParts> AlignParts(const MapperOptions& options,
       });
   const double part_s = DurationOf(data) * kPartVisits / static_cast<double>(visits);
   AlignedParts aligned{RunParts(data, part_s, BrokenMotions(run.motions)), {}};
-  const std::vector<AlignmentPoint> reference = Reference(build, others, run);
-  std::vector<Eigen::Vector2d> positions;
-  for (const AlignmentPoint& point : reference) positions.push_back(point.position);
-  const double area = OccupiedArea(positions);
+  const AlignmentPoints reference = Reference(build, others, run);
+  const double area = OccupiedArea(PositionsOf(reference));
   for (std::size_t k = 0; k < aligned.parts.size(); ++k) {
     BuildState part = MapPart(options, build, run, aligned.parts.At(k), on_step);
     if (on_step && !on_step(part)) return std::nullopt;

@@ -219,9 +219,8 @@ std::vector<OptionalMode> Stayed(const Explanation& explanation,
   const FlatModes flat(build);
   std::vector<OptionalMode> modes(run_map.points.size());
   for (const Match& match : explanation.stayed) {
-    const GroupIndex group(run_map.points[ModeIndex(match.other)].group);
-    modes[static_cast<std::size_t>(match.other)] =
-        GroupModeIndex(ModeIndex(match.reference) - flat.first[group]);
+    modes[static_cast<std::size_t>(match.other.value())] =
+        GroupModeIndex(match.reference - flat.first[match.group]);
   }
   return modes;
 }
@@ -231,7 +230,7 @@ std::vector<OptionalMode> Stayed(const Explanation& explanation,
 // @param explanations  Of several ways.
 std::optional<RunMapAlignment> Locate(const MapperOptions& options,
                                       const std::optional<MapContent>& prior,
-                                      const std::vector<AlignmentPoint>& reference,
+                                      const AlignmentPoints& reference,
                                       const BuildState& build,
                                       const RunMap& run_map,
                                       std::optional<Explanations>* explanations) {

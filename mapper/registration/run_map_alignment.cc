@@ -17,8 +17,8 @@ constexpr double kDeformedSd = 0.5;
 constexpr int kPartModes = 24;
 
 // The modes of a part, with covariances relative to them as a whole.
-std::vector<AlignmentPoint> PointsOf(const RunMap& run_map, const std::vector<ModeIndex>& part) {
-  std::vector<AlignmentPoint> points;
+AlignmentPoints PointsOf(const RunMap& run_map, const std::vector<ModeIndex>& part) {
+  AlignmentPoints points;
   std::vector<Eigen::Vector2d> positions;
   std::vector<Eigen::Index> rows;
   for (const ModeIndex mode : part) {
@@ -29,7 +29,7 @@ std::vector<AlignmentPoint> PointsOf(const RunMap& run_map, const std::vector<Mo
   const Eigen::MatrixXd cov = ReferToPositions(positions, run_map.covariance(rows, rows));
   for (std::size_t i = 0; i < points.size(); ++i) {
     const auto at = static_cast<Eigen::Index>(2 * i);
-    points[i].cov = cov.block<2, 2>(at, at);
+    points[ModeIndex(i)].cov = cov.block<2, 2>(at, at);
   }
   return points;
 }
@@ -41,10 +41,7 @@ void AddPlaces(const Alignment& alignment,
                IndexedVector<ModeIndex, std::optional<Eigen::Vector2d>>* places) {
   for (const ModeIndex mode : part) {
     const AlignmentPoint& point = run_map.points[mode];
-    if (!std::binary_search(
-            alignment.signatures.begin(), alignment.signatures.end(), point.group)) {
-      continue;
-    }
+    if (!alignment.Agrees(point.group)) continue;
     (*places)[mode] = alignment.T_reference_other * point.position;
   }
 }
@@ -55,7 +52,7 @@ bool IsDeformable(const RunMap& run_map) {
   return std::ssize(run_map.points) > kPartModes && WorstSd(run_map) > kDeformedSd;
 }
 
-std::optional<RunMapAlignment> AlignRunMap(const std::vector<AlignmentPoint>& reference,
+std::optional<RunMapAlignment> AlignRunMap(const AlignmentPoints& reference,
                                            const RunMap& run_map,
                                            double area_m2,
                                            const AlignmentOptions& options) {

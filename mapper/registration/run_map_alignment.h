@@ -45,7 +45,7 @@ struct RunMapAlignment {
 /// Nothing is returned if no part aligns. Deterministic.
 /// @param reference  Modes of the map, at least those of the groups that the run map has.
 /// @param area_m2    That the map takes. [m²]
-std::optional<RunMapAlignment> AlignRunMap(const std::vector<AlignmentPoint>& reference,
+std::optional<RunMapAlignment> AlignRunMap(const AlignmentPoints& reference,
                                            const RunMap& run_map,
                                            double area_m2,
                                            const AlignmentOptions& options);

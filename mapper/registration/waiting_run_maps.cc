@@ -14,10 +14,9 @@ WaitingRunMaps::WaitingRunMaps(std::vector<RunMap> run_maps, const BuildState& b
     Entry& entry = entries_[i];
     // Points are by group.
     for (const AlignmentPoint& point : run_maps[i].points) {
-      const GroupIndex group(point.group);
-      if (!entry.groups.empty() && entry.groups.back() == group) continue;
-      entry.groups.push_back(group);
-      with_group_[group].push_back(i);
+      if (!entry.groups.empty() && entry.groups.back() == point.group) continue;
+      entry.groups.push_back(point.group);
+      with_group_[point.group].push_back(i);
     }
     entry.run_map = std::move(run_maps[i]);
   }
@@ -84,12 +83,11 @@ void WaitingRunMaps::Recount(const BuildState& build) {
   for (Entry& entry : entries_) entry.tried_with_modes = 0;
 }
 
-std::vector<AlignmentPoint> WaitingRunMaps::Reference(std::size_t i,
-                                                      const BuildState& build) const {
-  std::vector<AlignmentPoint> points;
+AlignmentPoints WaitingRunMaps::Reference(std::size_t i, const BuildState& build) const {
+  AlignmentPoints points;
   for (const GroupIndex group : entries_[i].groups) {
     for (const BuildMode& mode : build.modes[group]) {
-      points.push_back({group.value(), mode.p_map_landmark, Eigen::Matrix2d::Zero()});
+      points.push_back({group, mode.p_map_landmark, Eigen::Matrix2d::Zero()});
     }
   }
   return points;

@@ -47,7 +47,7 @@ class WaitingRunMaps {
   void Recount(const BuildState& build);
 
   /// Every mode of the map of the signatures that a run map has.
-  std::vector<AlignmentPoint> Reference(std::size_t i, const BuildState& build) const;
+  AlignmentPoints Reference(std::size_t i, const BuildState& build) const;
 
   /// Those that wait, in the order they came in.
   std::vector<std::size_t> Remaining() const;

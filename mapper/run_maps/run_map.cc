@@ -58,7 +58,7 @@ std::optional<RunMap> MakeRunMap(const MapperOptions& options, BuildState build)
     for (const BuildMode& mode : run_map.build.modes[group]) {
       const Eigen::Index at = 2 * run_map.points.end_index();
       run_map.points.push_back(
-          {group.value(), mode.p_map_landmark, run_map.covariance.block<2, 2>(at, at)});
+          {group, mode.p_map_landmark, run_map.covariance.block<2, 2>(at, at)});
     }
   }
   return run_map;

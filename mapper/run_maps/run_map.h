@@ -15,7 +15,7 @@ namespace shiftmap {
 /// in the map.
 struct RunMap {
   BuildState build;
-  IndexedVector<ModeIndex, AlignmentPoint> points;  ///< Its modes.
+  AlignmentPoints points;      ///< Its modes.
   Eigen::MatrixXd covariance;  ///< Joint, of the points, relative to them as a whole. [m²]
 };
 

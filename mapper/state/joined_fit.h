@@ -3,12 +3,14 @@
 
 #include <vector>
 
+#include "mapper/index.h"
+
 namespace shiftmap {
 
 /// How much worse a run fits with its landmarks where a joint map has them than by itself
 /// (mapper/METHOD.md, 6).
 struct JoinedFit {
-  std::vector<int> groups;  ///< That the run shares with others or the prior map, ascending.
+  std::vector<GroupIndex> groups;  ///< That the run shares with others or the prior map, ascending.
 
   /// Twice the log-likelihood ratio: χ² of `dof` degrees of freedom if these stand there.
   double chi2 = 0.0;

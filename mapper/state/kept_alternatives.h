@@ -21,7 +21,7 @@ struct KeptAlternatives {
 
   std::vector<RunName> runs;
   std::vector<StayedSet> alternatives;
-  std::vector<int> groups;  ///< In common, ascending.
+  std::vector<GroupIndex> groups;  ///< In common, ascending.
   std::vector<Doubt> doubts;
 };
 

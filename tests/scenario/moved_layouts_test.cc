@@ -53,10 +53,9 @@ double WorstError(const MapContent& content) {
     std::vector<AlignmentPoint> modes;
     for (std::size_t g = 0; g < content.groups.size(); ++g) {
       const LandmarkGroup& group = content.groups[g];
-      reference.push_back(
-          {static_cast<int>(g), start.at(group.signature), Eigen::Matrix2d::Zero()});
+      reference.push_back({GroupIndex(g), start.at(group.signature), Eigen::Matrix2d::Zero()});
       for (const Mode& mode : group.modes) {
-        modes.push_back({static_cast<int>(g), mode.p_map_landmark, Eigen::Matrix2d::Zero()});
+        modes.push_back({GroupIndex(g), mode.p_map_landmark, Eigen::Matrix2d::Zero()});
       }
     }
     AlignmentOptions wide;

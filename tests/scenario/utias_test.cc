@@ -73,10 +73,10 @@ class Survey {
     for (std::size_t g = 0; g < groups.size(); ++g) {
       for (const Places& layout : layouts_) {
         reference.push_back(
-            {static_cast<int>(g), layout.at(groups[g].signature), Eigen::Matrix2d::Zero()});
+            {GroupIndex(g), layout.at(groups[g].signature), Eigen::Matrix2d::Zero()});
       }
       for (const Mode& mode : groups[g].modes) {
-        modes.push_back({static_cast<int>(g), mode.p_map_landmark, mode.cov_p_map_landmark});
+        modes.push_back({GroupIndex(g), mode.p_map_landmark, mode.cov_p_map_landmark});
       }
     }
     T_survey_map_ = AlignByConsensus(reference, modes, {}).value().T_reference_other;

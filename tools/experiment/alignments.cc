@@ -98,7 +98,7 @@ class PairScore {
     answer.seconds = ThreadProcessorSeconds() - start;
     if (alignment) answer.right = IsRight(*alignment);
     Of(if_sure).seconds = answer.seconds;
-    const std::vector<AlignmentPoint>& reference = pair_.reference.points;
+    const AlignmentPoints& reference = pair_.reference.points;
     const double area_m2 = pair_.area_m2;
     const bool most_agree =
         MostAgree(options_.confirmation, reference, area_m2, run_map_, alignment);

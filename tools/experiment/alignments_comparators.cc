@@ -53,13 +53,12 @@ class CliqueSearch {
   std::uint64_t best_ = 0;
 };
 
-Eigen::Matrix2d Block(const JointPoints& map, std::size_t i, std::size_t j) {
-  return map.covariance.block<2, 2>(static_cast<Eigen::Index>(2 * i),
-                                    static_cast<Eigen::Index>(2 * j));
+Eigen::Matrix2d Block(const JointPoints& map, ModeIndex i, ModeIndex j) {
+  return map.covariance.block<2, 2>(RowOf(i), RowOf(j));
 }
 
 // The distance of two points and its variance.
-std::pair<double, double> Distance(const JointPoints& map, std::size_t i, std::size_t j) {
+std::pair<double, double> Distance(const JointPoints& map, ModeIndex i, ModeIndex j) {
   const Eigen::Vector2d difference = map.points[i].position - map.points[j].position;
   const double distance = difference.norm();
   const Eigen::Vector2d along = difference / distance;
@@ -71,13 +70,13 @@ std::pair<double, double> Distance(const JointPoints& map, std::size_t i, std::s
 std::vector<PlacedTwice> PlacedInBoth(const JointPoints& reference,
                                       const JointPoints& other,
                                       double sd_scale) {
-  std::vector<PlacedTwice> landmarks(reference.points.size());
+  std::vector<PlacedTwice> landmarks;
   Eigen::Vector2d centroid = Eigen::Vector2d::Zero();
-  for (std::size_t i = 0; i < landmarks.size(); ++i) {
-    landmarks[i] = {reference.points[i].position,
-                    other.points[i].position,
-                    0.5 * (Block(reference, i, i) + Block(other, i, i)).trace()};
-    centroid += landmarks[i].reference / static_cast<double>(landmarks.size());
+  for (const ModeIndex i : reference.points.indices()) {
+    landmarks.push_back({reference.points[i].position,
+                         other.points[i].position,
+                         0.5 * (Block(reference, i, i) + Block(other, i, i)).trace()});
+    centroid += landmarks.back().reference / static_cast<double>(reference.points.size());
   }
   for (PlacedTwice& landmark : landmarks) {
     landmark.variance += 0.5 * sd_scale * sd_scale * (landmark.reference - centroid).squaredNorm();
@@ -95,7 +94,7 @@ std::optional<Alignment> AlignBy(const std::vector<PlacedTwice>& landmarks,
   for (const int inlier : inliers) {
     const auto i = static_cast<std::size_t>(inlier);
     weights[i] = 1.0;
-    alignment.signatures.push_back(reference.points[i].group);
+    alignment.signatures.push_back(reference.points[ModeIndex(i)].group);
     alignment.centroid += landmarks[i].reference / landmarks[i].variance;
     total += 1.0 / landmarks[i].variance;
   }

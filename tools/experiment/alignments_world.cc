@@ -59,8 +59,9 @@ JointPoints DrawMap(const std::vector<Eigen::Vector2d>& places,
   errors = map.covariance.llt().matrixL() * errors;
   for (std::size_t i = 0; i < places.size(); ++i) {
     const Eigen::Index row = RowOf(i);
-    map.points.push_back(
-        {groups[i], places[i] + errors.segment<2>(row), map.covariance.block<2, 2>(row, row)});
+    map.points.push_back({GroupIndex(groups[i]),
+                          places[i] + errors.segment<2>(row),
+                          map.covariance.block<2, 2>(row, row)});
   }
   return map;
 }
@@ -73,7 +74,7 @@ void Transform(const Se2& T, double scale, JointPoints* map) {
   for (Eigen::Index i = 0; i + 1 < map->covariance.cols(); i += 2) {
     map->covariance.middleCols<2>(i) = (map->covariance.middleCols<2>(i) * R.transpose()).eval();
   }
-  for (std::size_t i = 0; i < map->points.size(); ++i) {
+  for (const ModeIndex i : map->points.indices()) {
     AlignmentPoint& point = map->points[i];
     point.position = T.translation() + R * point.position;
     point.cov = map->covariance.block<2, 2>(RowOf(i), RowOf(i));
@@ -332,10 +333,8 @@ class PairDraw {
     }
     pair.reference = DrawMap(pair.places, groups_of_places, &dice_);
     pair.other = DrawMap(after_, groups, &dice_);
-    std::vector<Eigen::Vector2d> positions;
-    for (const AlignmentPoint& point : pair.reference.points) positions.push_back(point.position);
     const bool prior = world_ == AlignmentWorld::kPrior;
-    pair.area_m2 = prior ? side_ * side_ : OccupiedArea(positions);
+    pair.area_m2 = prior ? side_ * side_ : OccupiedArea(PositionsOf(pair.reference.points));
     pair.sd_scale = scale_sd_;
     pair.scale = std::exp(scale_sd_ * dice_.Normal());
     constexpr double kAway = 10.0;  // [m]

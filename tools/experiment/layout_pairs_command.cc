@@ -50,8 +50,8 @@ struct PairResult {
 
 // One mode of each landmark, that of least variance: all that is enumerated.
 JointPoints OneModeEach(const JointPoints& map) {
-  std::map<int, std::size_t> best;
-  for (std::size_t i = 0; i < map.points.size(); ++i) {
+  std::map<GroupIndex, ModeIndex> best;
+  for (const ModeIndex i : map.points.indices()) {
     const auto [known, is_first] = best.emplace(map.points[i].group, i);
     if (!is_first && map.points[i].cov.trace() < map.points[known->second].cov.trace()) {
       known->second = i;
@@ -61,7 +61,7 @@ JointPoints OneModeEach(const JointPoints& map) {
   std::vector<Eigen::Index> rows;
   for (const auto& [group, i] : best) {
     one.points.push_back(map.points[i]);
-    for (const int axis : {0, 1}) rows.push_back(static_cast<Eigen::Index>(2 * i) + axis);
+    rows.insert(rows.end(), {RowOf(i), RowOf(i) + 1});
   }
   one.covariance = map.covariance(rows, rows);
   return one;
@@ -70,7 +70,7 @@ JointPoints OneModeEach(const JointPoints& map) {
 StatusOr<std::vector<LayoutRun>> MapLayout(const std::string& dataset_dir, int dataset) {
   const MapperOptions options;
   SHIFTMAP_ASSIGN_OR_RETURN(const auto places, ReadUtiasLandmarks(dataset_dir));
-  std::vector<Signature> signatures;
+  IndexedVector<GroupIndex, Signature> signatures;
   for (const auto& [signature, place] : places) signatures.push_back(signature);
   std::vector<LayoutRun> runs;
   for (int robot = 1; robot <= kRobots; ++robot) {
@@ -88,8 +88,7 @@ StatusOr<std::vector<LayoutRun>> MapLayout(const std::string& dataset_dir, int d
     if (!run_map) continue;
     std::vector<PointPair> pairs;
     for (const AlignmentPoint& point : run_map->points) {
-      pairs.push_back(
-          {places.at(signatures[static_cast<std::size_t>(point.group)]), point.position});
+      pairs.push_back({places.at(signatures[point.group]), point.position});
     }
     SHIFTMAP_ASSIGN_OR_RETURN(const Se2 T_survey_map, AlignRigid2d(pairs));
     const double factor = VarianceFactor(options, run_map->build);
@@ -123,10 +122,8 @@ PairResult Judge(const LayoutRun& reference,
 
 void AddPair(const LayoutRun& reference, const LayoutRun& other, ResultTable* table) {
   const ConfirmationOptions options;
-  std::vector<Eigen::Vector2d> positions;
-  for (const AlignmentPoint& point : reference.map.points) positions.push_back(point.position);
   const AlignmentEvidence evidence(
-      reference.map, other.map, OccupiedArea(positions), options.prior);
+      reference.map, other.map, OccupiedArea(PositionsOf(reference.map.points)), options.prior);
   const double tolerance_m = options.limits.same_frame_m;
   const PairResult searched = Judge(
       reference,

@@ -17,7 +17,7 @@ JointPoints Points(const std::vector<Eigen::Vector2d>& positions) {
   constexpr double kSd = 0.05;
   JointPoints points;
   for (std::size_t i = 0; i < positions.size(); ++i) {
-    points.points.push_back({static_cast<int>(i), positions[i], Eigen::Matrix2d::Zero()});
+    points.points.push_back({GroupIndex(i), positions[i]});
   }
   const auto rows = static_cast<Eigen::Index>(2 * positions.size());
   points.covariance = kSd * kSd * Eigen::MatrixXd::Identity(rows, rows);
@@ -26,7 +26,7 @@ JointPoints Points(const std::vector<Eigen::Vector2d>& positions) {
 
 class AllMovedTest : public testing::Test {
  protected:
-  double LogMoved(int landmark, const SimilarityFit& x) const {
+  double LogMoved(MatchIndex landmark, const SimilarityFit& x) const {
     const Eigen::Vector2d r =
         evidence_.PositionInOther(landmark) - x * evidence_.PositionInReference(landmark);
     return evidence_.LogMovedBy(r, evidence_.Variance(landmark) * Eigen::Matrix2d::Identity());
@@ -37,8 +37,7 @@ class AllMovedTest : public testing::Test {
     constexpr double kReach = 7.0;
     constexpr double kStep = 0.25;
     constexpr int kTurns = 120;
-    const auto landmarks = static_cast<int>(evidence_.groups().size());
-    const double none = landmarks * evidence_.log_anywhere();
+    const double none = evidence_.LogAllAnywhere();
     double sum = 0.0;
     SimilarityFit x;
     for (int turn = 0; turn < kTurns; ++turn) {
@@ -47,7 +46,7 @@ class AllMovedTest : public testing::Test {
         for (double dy = -kReach; dy <= kReach; dy += kStep) {
           x.centre_other = {dx, dy};
           double log_density = 0.0;
-          for (int landmark = 0; landmark < landmarks; ++landmark) {
+          for (const MatchIndex landmark : evidence_.matches().indices()) {
             log_density += LogMoved(landmark, x);
           }
           sum += std::exp(log_density - none) - 1.0;

@@ -36,7 +36,7 @@ class Consensus : public ::testing::Test {
   Points RandomLayout(int count) {
     Points points;
     for (int group = 0; group < count; ++group) {
-      points.push_back({group, Anywhere(), kSd * kSd * Eigen::Matrix2d::Identity()});
+      points.push_back({GroupIndex(group), Anywhere(), kSd * kSd * Eigen::Matrix2d::Identity()});
     }
     return points;
   }

@@ -239,8 +239,8 @@ TEST(ExplainDisplacements, TwoHalvesAreTwoFrames) {
         FindDisplaced(site.positions(), site.Difference(4, {1.0, 0.0}), site.cov(), {}),
         0.4);
     ASSERT_GE(found.frames.size(), 2u) << seed;
-    const std::vector<int> near = {0, 1, 2, 3};
-    const std::vector<int> far = {4, 5, 6, 7};
+    const std::vector<GroupIndex> near = {0, 1, 2, 3};
+    const std::vector<GroupIndex> far = {4, 5, 6, 7};
     for (const std::size_t i : {0u, 1u}) {
       const Explanation& frame = found.frames[i];
       EXPECT_GT(frame.probability, 0.01) << seed;
@@ -265,11 +265,11 @@ TEST(ExplainDisplacements, FramesThatAreAlikeAreOne) {
   for (const auto& [group, stays] : frame.given.stays) {
     double sum = 0.0;
     for (const Displacement& displacement : found) {
-      if (displacement.clusters[static_cast<std::size_t>(group)] < 0) {
+      if (displacement.clusters[LandmarkIndex(group.value())] == kNotDisplaced) {
         sum += displacement.probability;
       }
     }
-    EXPECT_NEAR(stays, sum, 1e-9) << group;
+    EXPECT_NEAR(stays, sum, 1e-9) << group.value();
   }
   EXPECT_EQ(BySets(frame).frames.size(), frame.given.alternatives.size());
 }

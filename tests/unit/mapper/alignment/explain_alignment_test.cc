@@ -20,25 +20,26 @@
 namespace shiftmap {
 namespace {
 
-using ::testing::ElementsAre;
 using ::testing::IsSupersetOf;
 using ::testing::SizeIs;
 
 constexpr double kArea = 100.0;
 constexpr double kDecided = 0.99;
 
+using Groups = std::vector<GroupIndex>;
+
 std::uint64_t Seed() { return testing::TestSeed(1); }
 
 // Errors that neighbours share, and some of each landmark's own.
-Eigen::MatrixXd Covariance(const std::vector<AlignmentPoint>& points, double sd_m) {
+Eigen::MatrixXd Covariance(const AlignmentPoints& points, double sd_m) {
   constexpr double kLength = 4.0;
-  const auto rows = static_cast<Eigen::Index>(2 * points.size());
+  const Eigen::Index rows = RowOf(points.size());
   Eigen::MatrixXd covariance = Eigen::MatrixXd::Zero(rows, rows);
-  for (std::size_t i = 0; i < points.size(); ++i) {
-    for (std::size_t j = 0; j < points.size(); ++j) {
+  for (const ModeIndex i : points.indices()) {
+    for (const ModeIndex j : points.indices()) {
       const double squared = (points[i].position - points[j].position).squaredNorm();
       const double shared = std::exp(-0.5 * squared / (kLength * kLength));
-      covariance.block<2, 2>(static_cast<Eigen::Index>(2 * i), static_cast<Eigen::Index>(2 * j)) =
+      covariance.block<2, 2>(RowOf(i), RowOf(j)) =
           sd_m * sd_m * (0.7 * shared + (i == j ? 0.3 : 0.0)) * Eigen::Matrix2d::Identity();
     }
   }
@@ -48,7 +49,7 @@ Eigen::MatrixXd Covariance(const std::vector<AlignmentPoint>& points, double sd_
 JointPoints Points(const std::vector<Eigen::Vector2d>& positions, double sd_m) {
   JointPoints points;
   for (std::size_t i = 0; i < positions.size(); ++i) {
-    points.points.push_back({static_cast<int>(i), positions[i], Eigen::Matrix2d::Zero()});
+    points.points.push_back({GroupIndex(i), positions[i]});
   }
   points.covariance = Covariance(points.points, sd_m);
   return points;
@@ -60,8 +61,8 @@ void AddErrors(std::mt19937_64* random, JointPoints* points) {
   for (double& value : white) value = normal(*random);
   const Eigen::MatrixXd root = points->covariance.llt().matrixL();
   const Eigen::VectorXd errors = root * white;
-  for (std::size_t i = 0; i < points->points.size(); ++i) {
-    points->points[i].position += errors.segment<2>(static_cast<Eigen::Index>(2 * i));
+  for (const ModeIndex i : points->points.indices()) {
+    points->points[i].position += errors.segment<2>(RowOf(i));
   }
 }
 
@@ -127,8 +128,8 @@ Pair DrawPair(int landmarks, int moved, std::mt19937_64* random, int rack = 0, i
   pair.reference = Points(before, 0.015);
   pair.other = Points(after, 0.015);
   for (int i = 0; i < twice; ++i) {
-    const std::size_t at = static_cast<std::size_t>(landmarks) + static_cast<std::size_t>(i);
-    pair.reference.points[at].group = pair.other.points[at].group = i;
+    const ModeIndex at(landmarks + i);
+    pair.reference.points[at].group = pair.other.points[at].group = GroupIndex(i);
   }
   AddErrors(random, &pair.reference);
   AddErrors(random, &pair.other);
@@ -183,9 +184,8 @@ TEST(ExplainAlignmentTest, EvidenceIsTheIntegralOverTheTransform) {
     fit.yaw_rad += x[2];
     fit.log_scale += x[3];
     Eigen::VectorXd r(6);
-    for (int k = 0; k < 3; ++k) {
-      r.segment<2>(Eigen::Index{2} * k) =
-          evidence.PositionInOther(k) - fit * evidence.PositionInReference(k);
+    for (const MatchIndex k : evidence.matches().indices()) {
+      r.segment<2>(RowOf(k)) = evidence.PositionInOther(k) - fit * evidence.PositionInReference(k);
     }
     const double z = fit.log_scale / prior.sd_scale;
     sum += std::exp(LogDensity(r, llt) - 0.5 * z * z);
@@ -244,11 +244,11 @@ TEST(ExplainAlignmentTest, SearchFindsWhatEnumerationFindsOfSeveralModesInBothMa
   for (int round = 0; round < 4; ++round) {
     const Pair pair = DrawPair(6, 1 + round, &random, 0, 2);
     const AlignmentEvidence evidence(pair.reference, pair.other, kArea, prior);
-    EXPECT_THAT(evidence.groups(), ElementsAre(0, 0, 1, 1, 2, 3, 4, 5));
+    EXPECT_EQ(evidence.groups(), Groups({0, 0, 1, 1, 2, 3, 4, 5}));
     const auto matches = static_cast<int>(evidence.matches().size());
     ASSERT_EQ(matches, 4 + 2 * 4);
     const auto possible = [&](const MatchSet& s) {
-      for (const int k : s.Members()) {
+      for (const MatchIndex k : s.Members()) {
         if ((s & evidence.Rivals(k)).Count() > 1) return false;
       }
       return s.Count() >= 2;
@@ -301,15 +301,14 @@ TEST(ExplainAlignmentTest, AlternativesOfOneFrameAreThoseOfEnumeration) {
     const JointPoints other = Points(places, 0.05);
     const MovePrior prior;
     const AlignmentEvidence evidence(reference, other, kArea, prior);
-    std::map<std::vector<int>, double> sets;
+    std::map<MatchSet, double> sets;
     double in_frame = 0.0;
     double stayed = 0.0;
     for (const Hypothesis& hypothesis : EnumerateHypotheses(evidence, prior)) {
       if (hypothesis.stayed.empty()) continue;
-      const std::vector<int> members = hypothesis.stayed.Members();
-      sets[members] += hypothesis.probability;
+      sets[hypothesis.stayed] += hypothesis.probability;
       in_frame += hypothesis.probability;
-      if (hypothesis.stayed.Contains(kInDoubt)) stayed += hypothesis.probability;
+      if (hypothesis.stayed.Contains(MatchIndex(kInDoubt))) stayed += hypothesis.probability;
     }
     const Explanation best = Explain(reference, other, kArea, prior, {}).value().frames.front();
     ASSERT_GT(best.probability, kDecided);
@@ -318,7 +317,11 @@ TEST(ExplainAlignmentTest, AlternativesOfOneFrameAreThoseOfEnumeration) {
     ASSERT_FALSE(best.given.alternatives.empty());
     double sum = 0.0;
     for (const StayedSet& set : best.given.alternatives) {
-      EXPECT_NEAR(set.probability, sets.at(set.groups) / in_frame, 0.01);
+      MatchSet stayed_set;  // Each landmark has one mode.
+      for (const GroupIndex group : set.groups) {
+        stayed_set = stayed_set.Flipped(MatchIndex(group.value()));
+      }
+      EXPECT_NEAR(set.probability, sets.at(stayed_set) / in_frame, 0.01);
       sum += set.probability;
     }
     EXPECT_GT(sum, 0.9);
@@ -339,7 +342,7 @@ TEST(ExplainAlignmentTest, WhereALandmarkStoodAtTwoTimesIsTwoPlaces) {
     if (best.probability < kDecided) continue;
     ++decided;
     EXPECT_TRUE(IsRight(pair, best)) << "round " << round << ", seed " << Seed();
-    EXPECT_THAT(best.alignment.signatures, IsSupersetOf({0, 1}));
+    EXPECT_THAT(best.alignment.signatures, IsSupersetOf(Groups({0, 1})));
     EXPECT_THAT(best.moved, SizeIs(10 - best.alignment.signatures.size()));
     EXPECT_GE(best.stayed.size(), 4);
     for (const Match& match : best.stayed) EXPECT_EQ(match.reference, match.other);
@@ -353,13 +356,14 @@ TEST(ExplainAlignmentTest, GainsAreWhatSingleChangesDo) {
   const MovePrior prior;
   const AlignmentEvidence evidence(pair.reference, pair.other, kArea, prior);
   const MatchSet kSet = MatchSet::OfBits(0b00011101);
-  std::vector<double> gains;
+  IndexedVector<MatchIndex, double> gains;
   const SetScore score = evidence.Score(kSet, &gains);
   // Adding one leaves the predictions of the others about as they were.
   const SetScore without = evidence.Score(kSet.Flipped(0));
   const double sum_of_gains = evidence.Score(kSet).log_score - without.log_score;
   double others = 0.0;
-  for (std::size_t l : {1U, 5U, 6U, 7U}) others += score.log_moved[l] - without.log_moved[l];
+  for (const LandmarkIndex l : std::vector<LandmarkIndex>{1, 5, 6, 7})
+    others += score.log_moved[l] - without.log_moved[l];
   EXPECT_NEAR(-gains[0], sum_of_gains - others, 1e-2);
 }
 
@@ -371,10 +375,10 @@ TEST(ExplainAlignmentTest, DoesNotDependOnFramesNorOnOrder) {
     JointPoints reference = Moved(Se2(3.0, -7.0, 2.5), 1.0, pair.reference);
     JointPoints other = Moved(Se2(-30.0, 8.0, -1.0), 1.0, pair.other);
     std::vector<Eigen::Index> rows;
-    std::vector<AlignmentPoint> points;
-    for (std::size_t i = other.points.size(); i-- > 0;) {
+    AlignmentPoints points;
+    for (ModeIndex i = other.points.end_index() - 1; i >= 0; i = i - 1) {
       points.push_back(other.points[i]);
-      for (const int axis : {0, 1}) rows.push_back(static_cast<Eigen::Index>(2 * i) + axis);
+      rows.insert(rows.end(), {RowOf(i), RowOf(i) + 1});
     }
     other = {points, other.covariance(rows, rows)};
     const Explanations moved = Explain(reference, other, kArea, {}, {}).value();
@@ -492,7 +496,7 @@ TEST(ExplainAlignmentTest, TwoBodiesOfOneSizeAreTwoExplanations) {
   ASSERT_GE(explanations.frames.size(), 2U);
   EXPECT_LT(explanations.frames[0].probability, 0.6);
   EXPECT_NEAR(explanations.frames[0].probability, explanations.frames[1].probability, 0.15);
-  EXPECT_THAT(explanations.deciding, ElementsAre(0, 1, 2, 3, 4, 5, 6, 7));
+  EXPECT_EQ(explanations.deciding, Groups({0, 1, 2, 3, 4, 5, 6, 7}));
   EXPECT_FALSE(explanations.frames[0].together.empty());
 }
 
@@ -513,7 +517,7 @@ TEST(ExplainAlignmentTest, ThatFourOfSixStayedIsNotCertain) {
     const Explanations found = *Explain(reference, other, kArea, MovePrior(), ExplanationLimits());
     double two_stayed = 0.0;
     for (const Explanation& frame : found.frames) {
-      if (frame.alignment.signatures == std::vector<int>{0, 1}) two_stayed += frame.probability;
+      if (frame.alignment.signatures == Groups({0, 1})) two_stayed += frame.probability;
     }
     EXPECT_GT(two_stayed, 1e-3);
     EXPECT_LT(two_stayed, 0.99);
@@ -537,7 +541,7 @@ TEST(ExplainAlignmentTest, TwoRacksThatMovedAreTwoBodies) {
   }
   const Explanations explanations =
       Explain(Points(before, 0.01), Points(after, 0.01), kArea, {}, {}).value();
-  EXPECT_THAT(explanations.frames[0].alignment.signatures, ElementsAre(0, 1, 2, 3));
+  EXPECT_EQ(explanations.frames[0].alignment.signatures, Groups({0, 1, 2, 3}));
   EXPECT_GT(explanations.frames[0].probability, 0.9);
   EXPECT_THAT(explanations.frames[0].together, SizeIs(5));
 }
@@ -593,7 +597,7 @@ TEST_F(SwappedRacksTest, AreTwoBodiesWhereFiveOthersStayed) {
   for (const double turn_rad : {0.0, std::numbers::pi}) {
     const Explanation best = ExplainSwap(5, turn_rad).frames.front();
     EXPECT_GT(best.probability, kDecided) << turn_rad;
-    EXPECT_THAT(best.alignment.signatures, ElementsAre(0, 1, 2, 3, 4)) << turn_rad;
+    EXPECT_EQ(best.alignment.signatures, Groups({0, 1, 2, 3, 4})) << turn_rad;
   }
 }
 
@@ -603,10 +607,10 @@ TEST(ExplainAlignmentTest, LandmarksStayAtAnyOfTheirModes) {
   Pair pair = DrawPair(8, 0, &random);
   const Explanations single = ExplainPair(pair);
   // Where landmarks stood at another time.
-  std::vector<AlignmentPoint> points = pair.reference.points;
-  for (const int group : {1, 4, 6}) {
-    const AlignmentPoint& point = pair.reference.points[static_cast<std::size_t>(group)];
-    points.push_back({group, point.position + Eigen::Vector2d(1.5, -0.8), Eigen::Matrix2d::Zero()});
+  AlignmentPoints points = pair.reference.points;
+  for (const ModeIndex i : std::vector<ModeIndex>{1, 4, 6}) {
+    const AlignmentPoint& point = pair.reference.points[i];
+    points.push_back({point.group, point.position + Eigen::Vector2d(1.5, -0.8)});
   }
   pair.reference = {points, Covariance(points, 0.015)};
   const Explanations several = ExplainPair(pair);

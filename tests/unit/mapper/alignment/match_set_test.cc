@@ -16,8 +16,8 @@ using Bits = std::bitset<kMaxMatches>;
 
 MatchSet OfBitset(const Bits& bits) {
   MatchSet set;
-  for (int k = 0; k < kMaxMatches; ++k) {
-    if (bits[static_cast<std::size_t>(k)]) set = set.Flipped(k);
+  for (std::size_t k = 0; k < kMaxMatches; ++k) {
+    if (bits[k]) set = set.Flipped(MatchIndex(k));
   }
   return set;
 }
@@ -44,10 +44,10 @@ TEST(MatchSetTest, IsASet) {
     EXPECT_EQ(a.Includes(b), (x & y) == y);
     EXPECT_TRUE((a | b).Includes(b));
     MatchSet again;
-    int last = -1;
-    for (const int k : a.Members()) {
+    MatchIndex last = -1;
+    for (const MatchIndex k : a.Members()) {
       EXPECT_GT(k, last);
-      EXPECT_TRUE(x[static_cast<std::size_t>(k)] && a.Contains(k));
+      EXPECT_TRUE(x[static_cast<std::size_t>(k.value())] && a.Contains(k));
       again = again.Flipped(last = k);
     }
     EXPECT_EQ(again, a);
@@ -60,8 +60,9 @@ TEST(MatchSetTest, IsASet) {
 TEST(MatchSetTest, SetsThatDifferHaveDifferentHashes) {
   std::set<MatchSet> sets;
   std::unordered_set<std::size_t> hashes;
-  for (int j = 0; j < kMaxMatches; ++j) {
-    for (int k = j; k < kMaxMatches; ++k) {
+  const MatchIndex end(kMaxMatches);
+  for (MatchIndex j = 0; j < end; ++j) {
+    for (MatchIndex k = j; k < end; ++k) {
       const MatchSet set = j == k ? MatchSet::Of(j) : MatchSet::Of(j).Flipped(k);
       sets.insert(set);
       hashes.insert(set.Hash());

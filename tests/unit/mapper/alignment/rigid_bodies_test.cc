@@ -26,7 +26,7 @@ class Site {
  public:
   explicit Site(const std::vector<Eigen::Vector2d>& places) {
     for (std::size_t i = 0; i < places.size(); ++i) {
-      map_.points.push_back({static_cast<int>(i), places[i], Eigen::Matrix2d::Zero()});
+      map_.points.push_back({GroupIndex(i), places[i]});
     }
     const auto rows = static_cast<Eigen::Index>(2 * places.size());
     map_.covariance = 4e-4 * Eigen::MatrixXd::Identity(rows, rows);

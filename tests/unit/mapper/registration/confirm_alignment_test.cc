@@ -25,21 +25,21 @@ const std::vector<Eigen::Vector2d> kPlaces = {{0.0, 0.0},
                                               {8.3, 8.9}};
 
 // Of a landmark in each of the places, the first `moved` displaced by `by`.
-std::vector<AlignmentPoint> Points(std::size_t moved, const Eigen::Vector2d& by, double sd_m) {
-  std::vector<AlignmentPoint> points;
+AlignmentPoints Points(std::size_t moved, const Eigen::Vector2d& by, double sd_m) {
+  AlignmentPoints points;
   for (std::size_t i = 0; i < kPlaces.size(); ++i) {
-    points.push_back({static_cast<int>(i),
+    points.push_back({GroupIndex(i),
                       kPlaces[i] + (i < moved ? by : Eigen::Vector2d::Zero()),
                       sd_m * sd_m * Eigen::Matrix2d::Identity()});
   }
   return points;
 }
 
-bool NeedsConfirmation(const std::vector<AlignmentPoint>& points) {
+bool NeedsConfirmation(const AlignmentPoints& points) {
   const MapperOptions options;
   RunMap run_map;
   run_map.points = points;
-  const std::vector<AlignmentPoint> reference = Points(0, Eigen::Vector2d::Zero(), 0.01);
+  const AlignmentPoints reference = Points(0, Eigen::Vector2d::Zero(), 0.01);
   const std::optional<Alignment> consensus =
       AlignByConsensus(reference, run_map.points, kArea, options.alignment);
   const bool most_agree = MostAgree(options.confirmation, reference, kArea, run_map, consensus);
@@ -76,7 +76,8 @@ TEST(ExplainRunMap, IsOfTheLandmarksInCommon) {
   const SimulatedWorld world = testing::StaticWorld(3);
   const MappingRun run = testing::Arrange(world, world.runs[0].run);
   RunMap run_map = MapOneRun(world, run);
-  for (AlignmentPoint& point : run_map.points) point.group += static_cast<int>(kBefore);
+  for (AlignmentPoint& point : run_map.points)
+    point.group = GroupIndex(kBefore) + point.group.value();
 
   BuildState map = StartBuild(kBefore + world.groups.size(), {});
   for (std::size_t group = 0; group < map.modes.size(); ++group) {
@@ -102,10 +103,10 @@ TEST(ExplainRunMap, IsOfTheLandmarksInCommon) {
   EXPECT_GT(best.probability, 0.99);
   EXPECT_GE(best.stayed.size(), 5);
   for (const Match& match : best.stayed) {
-    const AlignmentPoint& point = run_map.points[ModeIndex(match.other)];
-    EXPECT_EQ(ModeIndex(match.reference), flat.Index(GroupIndex(point.group), 0));
+    const AlignmentPoint& point = run_map.points[match.other];
+    EXPECT_EQ(match.reference, flat.Index(point.group, 0));
     const Eigen::Vector2d& place =
-        world.groups[static_cast<std::size_t>(point.group) - kBefore].modes.front();
+        world.groups[static_cast<std::size_t>(point.group.value()) - kBefore].modes.front();
     EXPECT_LT((best.alignment.T_reference_other * point.position - place).norm(), 0.15);
   }
 }

@@ -18,7 +18,7 @@ constexpr double kSpacing = 5.0;  // [m]
 
 // A road that a run by itself takes for an arc.
 struct DeformedRoad {
-  std::vector<AlignmentPoint> reference;
+  AlignmentPoints reference;
   RunMap run_map;
 };
 
@@ -31,7 +31,7 @@ DeformedRoad MakeDeformedRoad(double turn_rad, std::mt19937_64& random) {
     const double yaw = turn_rad * i / kLandmarks;
     const double side = i % 2 == 0 ? 3.0 : -3.0;
     const Eigen::Vector2d noise(0.02 * normal(random), 0.02 * normal(random));
-    road.reference.push_back({i, {kSpacing * i, side}});
+    road.reference.push_back({GroupIndex(i), {kSpacing * i, side}});
     positions.emplace_back(along + side * Eigen::Vector2d(-std::sin(yaw), std::cos(yaw)) + noise);
     along += kSpacing * Eigen::Vector2d(std::cos(yaw), std::sin(yaw));
   }
@@ -45,7 +45,7 @@ DeformedRoad MakeDeformedRoad(double turn_rad, std::mt19937_64& random) {
                               1e-3 * Eigen::MatrixXd::Identity(2 * kLandmarks, 2 * kLandmarks);
   road.run_map.covariance = ReferToPositions(positions, cov);
   for (int i = 0; i < kLandmarks; ++i) {
-    road.run_map.points.push_back({i,
+    road.run_map.points.push_back({GroupIndex(i),
                                    positions[static_cast<std::size_t>(i)],
                                    road.run_map.covariance.block<2, 2>(2 * i, 2 * i)});
   }

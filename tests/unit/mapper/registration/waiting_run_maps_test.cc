@@ -29,7 +29,7 @@ std::vector<std::set<int>> RandomGroups(int run_maps, std::mt19937_64& random) {
 
 RunMap MakeRunMapOf(const std::set<int>& groups) {
   RunMap run_map;
-  for (const int group : groups) run_map.points.push_back({group, {1.0 * group, 0.0}});
+  for (const int group : groups) run_map.points.push_back({GroupIndex(group), {1.0 * group, 0.0}});
   return run_map;
 }
 
@@ -99,9 +99,9 @@ TEST(WaitingRunMaps, ReferenceHoldsAllModesOfItsGroupsAndNoOthers) {
   build.modes[5] = {{Eigen::Vector2d(5.0, 6.0), kAbsent}};
   build.modes[9] = {{Eigen::Vector2d(7.0, 8.0), kAbsent}};
   const WaitingRunMaps run_maps = Waiting({{3, 5, 7}}, build);
-  const std::vector<AlignmentPoint> reference = run_maps.Reference(0, build);
+  const AlignmentPoints reference = run_maps.Reference(0, build);
   ASSERT_EQ(reference.size(), 3u);
-  EXPECT_EQ(reference[0].group, 3);
+  EXPECT_EQ(reference[0].group, GroupIndex(3));
   EXPECT_EQ(reference[1].position, Eigen::Vector2d(3.0, 4.0));
   EXPECT_EQ(reference[2].position, Eigen::Vector2d(5.0, 6.0));
 }
