@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "mapper/alignment/rigid_bodies.h"
+#include "mapper/registration/mode_match.h"
 #include "mapper/run_maps/variance_factor.h"
 
 namespace shiftmap {
@@ -45,11 +46,7 @@ std::optional<JointPoints> MapPoints(const MapperOptions& options,
     const double factor = prior ? 1.0 : VarianceFactor(options, solved);
     map.covariance = factor * *covariance;
   }
-  for (const GroupIndex group : groups) {
-    for (const BuildMode& mode : solved.modes[group]) {
-      map.points.push_back({group, mode.p_map_landmark, Eigen::Matrix2d::Zero()});
-    }
-  }
+  map.points = PointsOfGroups(solved, groups);
   return map;
 }
 
@@ -98,10 +95,9 @@ bool NeedsConfirmation(const MapperOptions& options,
                        bool most_agree) {
   if (!most_agree) return true;
   if (!IsStiff(run_map)) return false;
-  AlignmentPoints others;
-  for (const AlignmentPoint& point : run_map.points) {
-    if (!consensus->Agrees(point.group)) others.push_back(point);
-  }
+  AlignmentPoints others = run_map.points;
+  std::erase_if(others,
+                [&](const AlignmentPoint& point) { return consensus->Agrees(point.group); });
   return AlignByConsensus(reference, others, area_m2, options.alignment).has_value();
 }
 

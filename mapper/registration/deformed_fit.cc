@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
-#include <limits>
 #include <optional>
 #include <utility>
 
@@ -27,20 +26,7 @@ constexpr double kContradicted = 0.999;
 constexpr double kBothDeformed = 2.0;
 
 // So many modes hold a run map while it is deformed: they are seen every few metres.
-constexpr std::size_t kMaxHeld = 40;
-
-// The mode of a group that is nearest to a point, or kUnassigned.
-OptionalMode NearestOf(const GroupModes& modes, const Eigen::Vector2d& point) {
-  OptionalMode nearest;
-  double least = std::numeric_limits<double>::infinity();
-  for (const GroupModeIndex k : modes.indices()) {
-    const double squared = (modes[k].p_map_landmark - point).squaredNorm();
-    if (squared >= least) continue;
-    least = squared;
-    nearest = k;
-  }
-  return nearest;
-}
+constexpr int kMaxHeld = 40;
 
 // A run map's modes as what is known of them tells of the others.
 class DeformedRunMap {
@@ -48,19 +34,16 @@ class DeformedRunMap {
   DeformedRunMap(const MapperOptions& options, const RunMap& run_map, const BuildState& map)
       : map_(map),
         noise_(2.0 * std::pow(options.modes.position_floor_m, 2)),
-        positions_(ModePositions(run_map.build)) {
-    for (const GroupIndex group : run_map.build.modes.indices()) {
-      group_.insert(group_.end(), run_map.build.modes[group].size(), group);
-    }
-    covariance_ = FreeGauge(positions_, options.sd_range_scale, run_map.covariance);
-    gate_ = ChiSquareQuantile(options.modes.merge_probability, 2);
-  }
+        gate_(ChiSquareQuantile(options.modes.merge_probability, 2)),
+        group_(GroupsOfModes(run_map.build)),
+        positions_(ModePositions(run_map.build)),
+        covariance_(FreeGauge(positions_, options.sd_range_scale, run_map.covariance)) {}
 
   // Takes modes for known, and conditions `open` on them, for Match(). False if values are so far
   // astray that they tell nothing of each other.
-  bool Hold(const std::vector<OptionalMode>& known, std::vector<std::size_t> open) {
-    std::vector<std::size_t> first;
-    for (std::size_t i = 0; i < known.size(); ++i) {
+  bool Hold(const KnownModes& known, std::vector<ModeIndex> open) {
+    std::vector<ModeIndex> first;
+    for (const ModeIndex i : known.indices()) {
       if (known[i]) first.push_back(i);
     }
     held_.clear();
@@ -73,9 +56,9 @@ class DeformedRunMap {
   }
 
   // Takes those of the open modes that are known now for known as well.
-  bool HoldMore(const std::vector<OptionalMode>& known) {
-    std::vector<std::size_t> added;
-    std::vector<std::size_t> left;
+  bool HoldMore(const KnownModes& known) {
+    std::vector<ModeIndex> added;
+    std::vector<ModeIndex> left;
     std::vector<std::size_t> added_at;
     std::vector<std::size_t> left_at;
     for (std::size_t k = 0; k < open_.size(); ++k) {
@@ -83,21 +66,21 @@ class DeformedRunMap {
       (is_known ? added : left).push_back(open_[k]);
       (is_known ? added_at : left_at).push_back(k);
     }
-    const Eigen::MatrixXd W = explained_(Eigen::all, Rows(added_at));
-    explained_ = explained_(Eigen::all, Rows(left_at)).eval();
+    const Eigen::MatrixXd W = explained_(Eigen::all, RowsOf(added_at));
+    explained_ = explained_(Eigen::all, RowsOf(left_at)).eval();
     open_ = std::move(left);
     return Extend(known, added, W);
   }
 
   // Modes that are neither known nor given up.
-  const std::vector<std::size_t>& open() const { return open_; }
+  const std::vector<ModeIndex>& open() const { return open_; }
 
   // Of the known modes, those that the others contradict. With K = P_MM + R and differences d, a
   // match differs from what the others say of it by [K⁻¹]_ii⁻¹ [K⁻¹ d]_i, of covariance [K⁻¹]_ii⁻¹.
-  std::vector<std::size_t> Contradicted() {
+  std::vector<ModeIndex> Contradicted() {
     Invert();
     const double gate = kBothDeformed * ChiSquareQuantile(kContradicted, 2);
-    std::vector<std::size_t> contradicted;
+    std::vector<ModeIndex> contradicted;
     for (std::size_t k = 0; k < held_.size(); ++k) {
       const Eigen::Index below = whitened_.size() - RowOf(k);
       const auto of_match = inverse_L_.block(RowOf(k), RowOf(k), below, 2);
@@ -111,14 +94,14 @@ class DeformedRunMap {
   // The mode of the map that an open mode is, or kUnassigned if that does not show.
   // @param place  Of the mode in open().
   OptionalMode Match(std::size_t place, double max_sd) const {
-    const std::size_t i = open_[place];
+    const ModeIndex i = open_[place];
     const Eigen::Index row = RowOf(i);
     const Eigen::Vector2d expected = positions_[i] + shift_.segment<2>(RowOf(place));
     const auto explained = explained_.middleCols<2>(RowOf(place));
     const Eigen::Matrix2d cov =
         covariance_.block<2, 2>(row, row) - explained.transpose() * explained;
     if (0.5 * cov.trace() > max_sd * max_sd) return kUnassigned;
-    const OptionalMode nearest = NearestOf(map_.modes[group_[i]], expected);
+    const OptionalMode nearest = FindNearest(map_, group_[i], expected).mode;
     if (!nearest) return kUnassigned;
     const Eigen::Matrix2d S =
         kBothDeformed * Symmetrized(cov) + noise_ * Eigen::Matrix2d::Identity();
@@ -127,20 +110,12 @@ class DeformedRunMap {
   }
 
  private:
-  static std::vector<Eigen::Index> Rows(const std::vector<std::size_t>& modes) {
-    std::vector<Eigen::Index> rows;
-    for (const std::size_t i : modes) {
-      for (const int axis : {0, 1}) rows.push_back(RowOf(i) + axis);
-    }
-    return rows;
-  }
-
   // Takes more modes for known. With W = L⁻¹ P of the new ones and S the covariance of their
   // differences given the others, the new rows of L are [Wᵀ  L_S], S = L_S L_Sᵀ.
-  bool Extend(const std::vector<OptionalMode>& known,
-              const std::vector<std::size_t>& added,
+  bool Extend(const KnownModes& known,
+              const std::vector<ModeIndex>& added,
               const Eigen::MatrixXd& W) {
-    const std::vector<Eigen::Index> rows = Rows(added);
+    const std::vector<Eigen::Index> rows = RowsOf(added);
     const Eigen::Index before = whitened_.size();
     const Eigen::Index more = RowOf(added.size());
     Eigen::MatrixXd S = covariance_(rows, rows) - W.transpose() * W;
@@ -150,7 +125,7 @@ class DeformedRunMap {
 
     Eigen::VectorXd differences(more);
     for (std::size_t k = 0; k < added.size(); ++k) {
-      const std::size_t i = added[k];
+      const ModeIndex i = added[k];
       differences.segment<2>(RowOf(k)) = ModeAt(i, *known[i]) - positions_[i];
     }
     differences -= W.transpose() * whitened_;
@@ -159,7 +134,7 @@ class DeformedRunMap {
 
     explained_.conservativeResize(before + more, Eigen::NoChange);
     if (!open_.empty()) {  // Eigen's solve refers to the first entry, also of a block without any.
-      explained_.bottomRows(more) = llt.matrixL().solve(covariance_(rows, Rows(open_)) -
+      explained_.bottomRows(more) = llt.matrixL().solve(covariance_(rows, RowsOf(open_)) -
                                                         W.transpose() * explained_.topRows(before));
     }
     shift_ = explained_.transpose() * whitened_;
@@ -193,44 +168,44 @@ class DeformedRunMap {
     }
   }
 
-  const Eigen::Vector2d& ModeAt(std::size_t i, GroupModeIndex mode) const {
+  const Eigen::Vector2d& ModeAt(ModeIndex i, GroupModeIndex mode) const {
     return map_.modes[group_[i]][mode].p_map_landmark;
   }
 
   const BuildState& map_;
   double noise_;  // Between a mode of the run map and the same of the map, per axis. [m²]
-  double gate_ = 0.0;
-  std::vector<GroupIndex> group_;
-  std::vector<Eigen::Vector2d> positions_;
+  double gate_;
+  IndexedVector<ModeIndex, GroupIndex> group_;
+  IndexedVector<ModeIndex, Eigen::Vector2d> positions_;
   Eigen::MatrixXd covariance_;
 
   // Of the known modes, in the order in which they became known; L Lᵀ = P + noise.
-  std::vector<std::size_t> held_;
+  std::vector<ModeIndex> held_;
   Eigen::MatrixXd L_;          // Its lower triangle.
   Eigen::MatrixXd inverse_L_;  // Of the first of them; its lower triangle.
   Eigen::VectorXd whitened_;   // L⁻¹ of the differences, map less run map.
 
   // Of the open ones. Columns: what the known modes explain of each coordinate, L⁻¹ P.
-  std::vector<std::size_t> open_;
+  std::vector<ModeIndex> open_;
   Eigen::MatrixXd explained_;
   Eigen::VectorXd shift_;
 };
 
 }  // namespace
 
-std::vector<OptionalMode> GrowMatches(const MapperOptions& options,
-                                      const RunMap& run_map,
-                                      const BuildState& map,
-                                      std::vector<OptionalMode> known,
-                                      const std::vector<bool>& fixed) {
+KnownModes GrowMatches(const MapperOptions& options,
+                       const RunMap& run_map,
+                       const BuildState& map,
+                       KnownModes known,
+                       const ModeFlags& fixed) {
   DeformedRunMap deformed(options, run_map, map);
-  std::vector<bool> settled = fixed;
-  for (std::size_t i = 0; i < known.size(); ++i) {
+  ModeFlags settled = fixed;
+  for (const ModeIndex i : known.indices()) {
     if (known[i]) settled[i] = true;
   }
   const auto hold = [&] {
-    std::vector<std::size_t> open;
-    for (std::size_t i = 0; i < known.size(); ++i) {
+    std::vector<ModeIndex> open;
+    for (const ModeIndex i : known.indices()) {
       if (!known[i] && !settled[i]) open.push_back(i);
     }
     return deformed.Hold(known, std::move(open));
@@ -247,7 +222,7 @@ std::vector<OptionalMode> GrowMatches(const MapperOptions& options,
     if (!grew) continue;
     if (!deformed.HoldMore(known)) return known;
     bool dropped = false;
-    for (const std::size_t i : deformed.Contradicted()) {
+    for (const ModeIndex i : deformed.Contradicted()) {
       dropped = dropped || !settled[i];
       if (!settled[i]) known[i] = kUnassigned;
       settled[i] = true;
@@ -257,26 +232,22 @@ std::vector<OptionalMode> GrowMatches(const MapperOptions& options,
   return known;
 }
 
-std::vector<OptionalMode> FitDeformedRunMap(
-    const MapperOptions& options,
-    const BuildState& map,
-    const IndexedVector<ModeIndex, std::optional<Eigen::Vector2d>>& places,
-    RunMap* run_map) {
+KnownModes FitDeformedRunMap(const MapperOptions& options,
+                             const BuildState& map,
+                             const ModePlaces& places,
+                             RunMap* run_map) {
   constexpr int kMaxRounds = 4;
-  std::vector<OptionalMode> known;
-  for (const GroupIndex group : run_map->build.modes.indices()) {
-    for (std::size_t m = 0; m < run_map->build.modes[group].size(); ++m) {
-      const auto& place = places[ModeIndex(known.size())];
-      known.push_back(place ? NearestOf(map.modes[group], *place) : kUnassigned);
-    }
+  const auto groups = GroupsOfModes(run_map->build);
+  KnownModes known;
+  for (const ModeIndex i : groups.indices()) {
+    known.push_back(places[i] ? FindNearest(map, groups[i], *places[i]).mode : kUnassigned);
   }
   for (int round = 0; round < kMaxRounds; ++round) {
     DeformOntoMap(options, map, known, run_map);
     std::optional<Eigen::MatrixXd> covariance = RunMapCovariance(options, &run_map->build);
     if (!covariance) break;
     run_map->covariance = *std::move(covariance);
-    std::vector<OptionalMode> grown =
-        GrowMatches(options, *run_map, map, known, std::vector<bool>(known.size()));
+    KnownModes grown = GrowMatches(options, *run_map, map, known, ModeFlags(known.size()));
     if (grown == known) break;
     known = std::move(grown);
   }
@@ -286,24 +257,17 @@ std::vector<OptionalMode> FitDeformedRunMap(
 
 std::vector<GraphPrior> HoldKnown(const MapperOptions& options,
                                   const BuildState& map,
-                                  const std::vector<OptionalMode>& known,
+                                  const KnownModes& known,
                                   const RunMap& run_map) {
-  std::vector<ModeIndex> modes;
-  std::vector<Eigen::Vector2d> positions;
-  std::size_t i = 0;
-  for (const GroupIndex group : run_map.build.modes.indices()) {
-    for (std::size_t m = 0; m < run_map.build.modes[group].size(); ++m, ++i) {
-      if (!known[i]) continue;
-      modes.emplace_back(i);
-      positions.push_back(map.modes[group][*known[i]].p_map_landmark);
-    }
-  }
+  const auto groups = GroupsOfModes(run_map.build);
+  const int step = CountKnown(known) / kMaxHeld + 1;
+  int count = 0;
   std::vector<ModeIndex> held;
   std::vector<Eigen::Vector2d> places;
-  const std::size_t step = modes.size() / kMaxHeld + 1;
-  for (std::size_t k = 0; k < modes.size(); k += step) {
-    held.push_back(modes[k]);
-    places.push_back(positions[k]);
+  for (const ModeIndex i : known.indices()) {
+    if (!known[i] || count++ % step != 0) continue;
+    held.push_back(i);
+    places.push_back(map.modes[groups[i]][*known[i]].p_map_landmark);
   }
   return HoldModes(held, places, std::sqrt(2.0) * options.modes.position_floor_m);
 }
@@ -321,7 +285,7 @@ void Deform(const MapperOptions& options,
 
 void DeformOntoMap(const MapperOptions& options,
                    const BuildState& map,
-                   const std::vector<OptionalMode>& known,
+                   const KnownModes& known,
                    RunMap* run_map) {
   // The next solve goes on from where this one ends.
   constexpr int kSteps = 4;

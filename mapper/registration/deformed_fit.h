@@ -1,11 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <Eigen/Core>
-#include <optional>
 #include <vector>
 
 #include "mapper/mapper_options.h"
+#include "mapper/registration/mode_match.h"
 #include "mapper/run_maps/run_map.h"
 #include "mapper/state/build_state.h"
 
@@ -22,31 +21,27 @@ namespace shiftmap {
 /// conditional covariance. One that gates with a mode of its group becomes known too, those known
 /// to 0.5 m first, and so on outward until no other does. What the other matches contradict (each
 /// left out in turn) is none.
-/// @param known  Per mode of the run map, flat, the mode of its group in the map, or kUnassigned.
 /// @param fixed  Per mode whether `known` is the last word on it.
 /// @return `known` with what was found.
-std::vector<OptionalMode> GrowMatches(const MapperOptions& options,
-                                      const RunMap& run_map,
-                                      const BuildState& map,
-                                      std::vector<OptionalMode> known,
-                                      const std::vector<bool>& fixed);
+KnownModes GrowMatches(const MapperOptions& options,
+                       const RunMap& run_map,
+                       const BuildState& map,
+                       KnownModes known,
+                       const ModeFlags& fixed);
 
 /// Finds the modes of a deformed run map in the map and deforms it onto them, in turn until no more
 /// are found.
-/// @param places  Per mode of the run map, flat, where the map has it as far as is known yet. [m]
+/// @param places   Where the map has them as far as is known yet.
 /// @param run_map  Moved into the map frame.
-/// @return Per mode the mode of its group in the map, or kUnassigned.
-std::vector<OptionalMode> FitDeformedRunMap(
-    const MapperOptions& options,
-    const BuildState& map,
-    const IndexedVector<ModeIndex, std::optional<Eigen::Vector2d>>& places,
-    RunMap* run_map);
+KnownModes FitDeformedRunMap(const MapperOptions& options,
+                             const BuildState& map,
+                             const ModePlaces& places,
+                             RunMap* run_map);
 
 /// What holds a run map's known modes where the map has them, or some of them all over it.
-/// @param known  As of GrowMatches().
 std::vector<GraphPrior> HoldKnown(const MapperOptions& options,
                                   const BuildState& map,
-                                  const std::vector<OptionalMode>& known,
+                                  const KnownModes& known,
                                   const RunMap& run_map);
 
 /// Deforms a run map, its trajectory with it, by a solve of its run with some of its modes held.
@@ -58,10 +53,9 @@ void Deform(const MapperOptions& options,
 
 /// Deforms a run map so that known modes come to stand where the map has them: some steps that a
 /// solve of all runs goes on from.
-/// @param known  As of GrowMatches().
 void DeformOntoMap(const MapperOptions& options,
                    const BuildState& map,
-                   const std::vector<OptionalMode>& known,
+                   const KnownModes& known,
                    RunMap* run_map);
 
 }  // namespace shiftmap

@@ -4,7 +4,6 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
-#include <cstddef>
 #include <optional>
 #include <utility>
 
@@ -13,7 +12,6 @@
 #include "mapper/covariance/gauge.h"
 #include "mapper/covariance/mode_covariance.h"
 #include "mapper/registration/deformed_fit.h"
-#include "mapper/registration/mode_match.h"
 
 namespace shiftmap {
 namespace {
@@ -52,28 +50,29 @@ IndexedVector<ModeIndex, int> PriorNumbers(const BuildState& map) {
 }
 
 // A landmark of the prior map that a run has met.
-struct Candidate {
-  std::size_t flat = 0;  // Mode of the run map.
+struct MetLandmark {
+  ModeIndex flat;  // Of the run map.
   int prior_mode = 0;
-  Eigen::Vector2d before = Eigen::Vector2d::Zero();  // In the prior map. [m]
+  const ModeMatch* match = nullptr;
 };
 
 // Decides on landmarks together. Positions and covariance as in Decide().
-std::vector<Displacement> DisplacementsOf(const MapperOptions& options,
-                                          const JointCovariance& prior_covariance,
-                                          const std::vector<Candidate>& candidates,
-                                          const std::vector<Eigen::Vector2d>& positions,
-                                          const Eigen::MatrixXd& run_cov) {
-  const auto size = static_cast<Eigen::Index>(2 * candidates.size());
+std::vector<Displacement> DisplacementsOf(
+    const MapperOptions& options,
+    const JointCovariance& prior_covariance,
+    const std::vector<MetLandmark>& candidates,
+    const IndexedVector<ModeIndex, Eigen::Vector2d>& positions,
+    const Eigen::MatrixXd& run_cov) {
+  const Eigen::Index size = RowOf(candidates.size());
   Eigen::VectorXd difference(size);
   DifferenceCovariance cov{Eigen::MatrixXd(size, size), Eigen::MatrixXd(size, size), {}};
   std::vector<Eigen::Vector2d> before;
   for (std::size_t a = 0; a < candidates.size(); ++a) {
-    const Candidate& of_a = candidates[a];
-    before.push_back(of_a.before);
-    difference.segment<2>(RowOf(a)) = positions[of_a.flat] - of_a.before;
+    const MetLandmark& of_a = candidates[a];
+    before.push_back(of_a.match->known.p_map_landmark);
+    difference.segment<2>(RowOf(a)) = positions[of_a.flat] - before.back();
     for (std::size_t b = 0; b < candidates.size(); ++b) {
-      const Candidate& of_b = candidates[b];
+      const MetLandmark& of_b = candidates[b];
       cov.run.block<2, 2>(RowOf(a), RowOf(b)) =
           run_cov.block<2, 2>(RowOf(of_a.flat), RowOf(of_b.flat));
       cov.map.block<2, 2>(RowOf(a), RowOf(b)) =
@@ -92,56 +91,52 @@ std::vector<Displacement> DisplacementsOf(const MapperOptions& options,
 DisplacedModes Decide(const MapperOptions& options,
                       const JointCovariance& prior_covariance,
                       const BuildState& map,
-                      const std::vector<ModeMatch>& mode_matches,
-                      const std::vector<Eigen::Vector2d>& positions,
+                      const IndexedVector<ModeIndex, ModeMatch>& matches,
+                      const IndexedVector<ModeIndex, Eigen::Vector2d>& positions,
                       const Eigen::MatrixXd& run_cov) {
-  DisplacedModes decided{std::vector<bool>(mode_matches.size()), {}};
+  DisplacedModes decided{ModeFlags(matches.size()), {}};
   const IndexedVector<ModeIndex, int> numbers = PriorNumbers(map);
   const FlatModes flat(map);
-  IndexedVector<ModeIndex, Candidate> met;
+  IndexedVector<ModeIndex, MetLandmark> met;
   IndexedVector<ModeIndex, Eigen::Vector2d> places;
-  for (std::size_t i = 0; i < mode_matches.size(); ++i) {
-    const ModeMatch& mode_match = mode_matches[i];
-    if (!MatchesPrior(map, mode_match)) continue;
-    if (std::sqrt(mode_match.squared_m2) >
+  for (const ModeIndex i : matches.indices()) {
+    const ModeMatch& match = matches[i];
+    if (!match.is_prior) continue;
+    if (std::sqrt(match.nearest.squared_m2) >
         kSurelyDisplaced * options.displacement.sd_displacement_m.back()) {
       decided.displaced[i] = true;
       continue;
     }
-    const ModeIndex mode = flat.Index(mode_match.group, *mode_match.nearest);
-    places.push_back(NearestMode(map, mode_match).p_map_landmark);
-    met.push_back({i, numbers[mode], places.back()});
+    met.push_back({i, numbers[flat.Index(match.group, *match.nearest.mode)], &match});
+    places.push_back(match.known.p_map_landmark);
   }
   for (std::vector<ModeIndex> tile : TileModes(places, kMaxTogether)) {
     std::sort(tile.begin(), tile.end());
-    std::vector<Candidate> candidates;
+    std::vector<MetLandmark> candidates;
     for (const ModeIndex i : tile) candidates.push_back(met[i]);
     const std::vector<Displacement> displacements =
         DisplacementsOf(options, prior_covariance, candidates, positions, run_cov);
     IndexedVector<LandmarkIndex, GroupIndex> groups;
-    for (const Candidate& candidate : candidates) {
+    for (const MetLandmark& candidate : candidates) {
       decided.displaced[candidate.flat] =
           displacements.front().clusters[groups.end_index()] != kNotDisplaced;
-      groups.push_back(mode_matches[candidate.flat].group);
+      groups.push_back(candidate.match->group);
     }
     // Where the run lies alike in all that is likely, a landmark in doubt does not matter to it.
     const Explanations precise = ExplainDisplacements(groups, displacements, kPositionFloor);
-    if (precise.frames.front().probability >= options.confirmation.min_probability_of_most)
-      continue;
+    if (precise.best().probability >= options.confirmation.min_probability_of_most) continue;
     decided.explanations.push_back(
         ExplainDisplacements(groups, displacements, options.confirmation.limits.same_frame_m));
   }
   return decided;
 }
 
-// Per mode of the run map the prior's mode that it still is, or kUnassigned.
-std::vector<OptionalMode> Undisplaced(const BuildState& map,
-                                      const std::vector<ModeMatch>& mode_matches,
-                                      const std::vector<bool>& displaced) {
-  std::vector<OptionalMode> known;
-  for (std::size_t i = 0; i < mode_matches.size(); ++i) {
-    const bool stays = MatchesPrior(map, mode_matches[i]) && !displaced[i];
-    known.push_back(stays ? mode_matches[i].nearest : kUnassigned);
+// Modes of the run map that still are modes of the prior.
+KnownModes Undisplaced(const IndexedVector<ModeIndex, ModeMatch>& matches,
+                       const ModeFlags& displaced) {
+  KnownModes known(matches.size());
+  for (const ModeIndex i : matches.indices()) {
+    if (matches[i].is_prior && !displaced[i]) known[i] = matches[i].nearest.mode;
   }
   return known;
 }
@@ -154,15 +149,16 @@ double Deformation(const MapperOptions& options,
                    const RunMap& run_map) {
   if (held.size() < 2) return 0.0;
   const IndexedVector<ModeIndex, Eigen::Vector2d> positions = ModePositions(run_map.build);
-  std::vector<Eigen::Index> rows;
-  Eigen::VectorXd difference(static_cast<Eigen::Index>(2 * held.size()));
+  std::vector<ModeIndex> modes;
+  Eigen::VectorXd difference(RowOf(held.size()));
   Eigen::VectorXd variance(difference.size());
   for (std::size_t k = 0; k < held.size(); ++k) {
     const ModeIndex mode = held[k].modes.front();
     difference.segment<2>(RowOf(k)) = held[k].mean - positions[mode];
     variance.segment<2>(RowOf(k)) = held[k].information.diagonal().cwiseInverse();
-    for (const int axis : {0, 1}) rows.push_back(2 * mode + axis);
+    modes.push_back(mode);
   }
+  const std::vector<Eigen::Index> rows = RowsOf(modes);
   Eigen::MatrixXd K = FreeGauge(positions, options.sd_range_scale, run_map.covariance)(rows, rows);
   K.diagonal() += variance;
   const Eigen::VectorXd shift = run_map.covariance(Eigen::all, rows) * K.llt().solve(difference);
@@ -175,8 +171,8 @@ double Deformation(const MapperOptions& options,
 
 // Where a run by itself has its modes, seen from where it is deformed: there its own cost pulls as
 // much as what deforms it, and to the other side. [m]
-std::vector<Eigen::Vector2d> Undeformed(const std::vector<GraphPrior>& held,
-                                        const RunMap& run_map) {
+IndexedVector<ModeIndex, Eigen::Vector2d> Undeformed(const std::vector<GraphPrior>& held,
+                                                     const RunMap& run_map) {
   IndexedVector<ModeIndex, Eigen::Vector2d> positions = ModePositions(run_map.build);
   Eigen::VectorXd pull = Eigen::VectorXd::Zero(run_map.covariance.rows());
   for (const GraphPrior& of_mode : held) {
@@ -189,13 +185,12 @@ std::vector<Eigen::Vector2d> Undeformed(const std::vector<GraphPrior>& held,
 }
 
 // Where a run map that is aligned has those of its modes that agree with the map.
-IndexedVector<ModeIndex, std::optional<Eigen::Vector2d>> Places(const Alignment& alignment,
-                                                                const BuildState& run_map) {
-  IndexedVector<ModeIndex, std::optional<Eigen::Vector2d>> places;
+ModePlaces Places(const Alignment& alignment, const BuildState& run_map) {
+  ModePlaces places;
   for (const GroupIndex group : run_map.modes.indices()) {
-    const bool agrees = alignment.Agrees(group);
     for (const BuildMode& mode : run_map.modes[group]) {
-      places.push_back(agrees ? std::optional(mode.p_map_landmark) : std::nullopt);
+      places.emplace_back();
+      if (alignment.Agrees(group)) places.back() = mode.p_map_landmark;
     }
   }
   return places;
@@ -209,18 +204,18 @@ DisplacedModes FindDisplacedModes(const MapperOptions& options,
                                   const Alignment& alignment,
                                   RunMap* run_map) {
   DisplacedModes decided;
-  std::vector<OptionalMode> known;  // Of what the run map is to be deformed onto.
+  KnownModes known;  // Of what the run map is to be deformed onto.
   if (!IsStiff(*run_map)) {
     known = FitDeformedRunMap(options, map, Places(alignment, run_map->build), run_map);
   } else {
-    const std::vector<ModeMatch> mode_matches = MatchNearest(run_map->build, map);
+    const IndexedVector<ModeIndex, ModeMatch> matches = MatchNearest(run_map->build, map);
     decided = Decide(options,
                      prior_covariance,
                      map,
-                     mode_matches,
+                     matches,
                      ModePositions(run_map->build),
                      run_map->covariance);
-    known = Undisplaced(map, mode_matches, decided.displaced);
+    known = Undisplaced(matches, decided.displaced);
     if (Deformation(options, HoldKnown(options, map, known, *run_map), *run_map) < kLinear) {
       return decided;
     }
@@ -231,20 +226,16 @@ DisplacedModes FindDisplacedModes(const MapperOptions& options,
   for (int round = 0; round < kMaxRounds; ++round) {
     const std::vector<GraphPrior> held = HoldKnown(options, map, known, *run_map);
     Deform(deformation, held, kDeformationSteps, run_map);
-    const std::vector<ModeMatch> mode_matches = MatchNearest(run_map->build, map);
+    const IndexedVector<ModeIndex, ModeMatch> matches = MatchNearest(run_map->build, map);
     if (std::optional<Eigen::MatrixXd> covariance = RunMapCovariance(options, &run_map->build)) {
       run_map->covariance = *std::move(covariance);
     }
-    DisplacedModes again = Decide(options,
-                                  prior_covariance,
-                                  map,
-                                  mode_matches,
-                                  Undeformed(held, *run_map),
-                                  run_map->covariance);
+    DisplacedModes again = Decide(
+        options, prior_covariance, map, matches, Undeformed(held, *run_map), run_map->covariance);
     const bool settled = again.displaced == decided.displaced;
     decided = std::move(again);
     if (settled) break;
-    known = Undisplaced(map, mode_matches, decided.displaced);
+    known = Undisplaced(matches, decided.displaced);
   }
   return decided;
 }

@@ -6,6 +6,7 @@
 #include "mapper/alignment/consensus.h"
 #include "mapper/alignment/explanation.h"
 #include "mapper/mapper_options.h"
+#include "mapper/registration/mode_match.h"
 #include "mapper/run_maps/run_map.h"
 #include "mapper/state/build_state.h"
 #include "mapstore/map/joint_covariance.h"
@@ -14,9 +15,9 @@ namespace shiftmap {
 
 /// Which modes of a run map are of landmarks that stand elsewhere than the prior map has them.
 struct DisplacedModes {
-  /// Per mode of the run map, flat: whether the likeliest partition displaces it. False for modes
-  /// that meet no mode of the prior map.
-  std::vector<bool> displaced;
+  /// Whether the likeliest partition displaces a mode. False for modes that meet no mode of the
+  /// prior map.
+  ModeFlags displaced;
 
   /// One entry for each neighbourhood in which another partition is likely and places the run 3 cm
   /// or more elsewhere. Neighbourhoods that are decided have none.

@@ -38,25 +38,22 @@ bool IsInDoubt(const KeptAlternatives& kept, GroupIndex group) {
 
 std::optional<KeptAlternatives> KeepAlternatives(const StayedPosterior& frame,
                                                  double decided,
-                                                 const std::vector<bool>& apart,
+                                                 const ModeFlags& apart,
                                                  const RunMap& run_map,
-                                                 const std::vector<ModeMatch>& mode_matches,
-                                                 const BuildState& build,
-                                                 std::vector<OptionalMode>* known) {
+                                                 const IndexedVector<ModeIndex, ModeMatch>& matches,
+                                                 KnownModes* known) {
   const std::map<GroupIndex, double> stays(frame.stays.begin(), frame.stays.end());
   KeptAlternatives kept;
-  std::vector<OptionalMode> without = *known;
-  for (std::size_t i = 0; i < mode_matches.size(); ++i) {
-    const ModeMatch& mode_match = mode_matches[i];
-    const auto stay = stays.find(mode_match.group);
-    if (stay == stays.end() || !mode_match.nearest || !apart[i]) continue;
+  KnownModes without = *known;
+  for (const ModeIndex i : matches.indices()) {
+    const ModeMatch& match = matches[i];
+    const auto stay = stays.find(match.group);
+    if (stay == stays.end() || !match.nearest.mode || !apart[i]) continue;
     if (!LeavesDoubt(stay->second, decided)) continue;
     without[i] = kUnassigned;
-    kept.doubts.push_back(
-        {mode_match.group, NearestMode(build, mode_match).p_map_landmark, stay->second});
+    kept.doubts.push_back({match.group, match.known.p_map_landmark, stay->second});
   }
-  const auto left = std::ssize(without) - std::count(without.begin(), without.end(), kUnassigned);
-  if (kept.doubts.empty() || left < kMinTyingModes) return std::nullopt;
+  if (kept.doubts.empty() || CountKnown(without) < kMinTyingModes) return std::nullopt;
   *known = std::move(without);
   for (const BuildRun& run : run_map.build.runs) {
     kept.runs.push_back({run.data->name, run.data->sha256});

@@ -15,19 +15,16 @@ namespace shiftmap {
 /// What is in doubt of a run map whose place is decided: which of its landmarks stayed, where they
 /// are told apart from where they were. These become unknown modes, if enough others hold the
 /// run map. Nothing if nothing is in doubt.
-/// @param frame         The alternatives and what stays in them.
-/// @param decided       What is as probable as that is in no doubt.
-/// @param apart         Per mode of the run map, flat, whether it is told apart.
-/// @param mode_matches  Of the run map, moved into the map frame.
-/// @param known         Per mode of the run map, flat, the mode of its group in the map, or
-///                      kUnassigned.
+/// @param frame    The alternatives and what stays in them.
+/// @param decided  What is as probable as that is in no doubt.
+/// @param apart    Which modes of the run map are told apart.
+/// @param matches  Of the run map, moved into the map frame.
 std::optional<KeptAlternatives> KeepAlternatives(const StayedPosterior& frame,
                                                  double decided,
-                                                 const std::vector<bool>& apart,
+                                                 const ModeFlags& apart,
                                                  const RunMap& run_map,
-                                                 const std::vector<ModeMatch>& mode_matches,
-                                                 const BuildState& build,
-                                                 std::vector<OptionalMode>* known);
+                                                 const IndexedVector<ModeIndex, ModeMatch>& matches,
+                                                 KnownModes* known);
 
 /// Whether a probability is neither that of `decided` nor that of its opposite.
 inline bool LeavesDoubt(double probability, double decided) {

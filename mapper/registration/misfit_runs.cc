@@ -12,6 +12,7 @@
 #include "mapper/modes/mode_merging.h"
 #include "mapper/modes/unconstrained_runs.h"
 #include "mapper/parallel.h"
+#include "mapper/registration/mode_match.h"
 #include "mapper/run_maps/variance_factor.h"
 #include "mapstore/geometry/covariance.h"
 
@@ -82,12 +83,7 @@ void DropMistaken(const BuildState& build,
   for (std::size_t i = 0; i < shared.size(); ++i) {
     const Eigen::Vector2d& p = positions[alone->shared[i]];
     const double squared = (alone->places[i] - p).squaredNorm();
-    const GroupModes& group = build.modes[shared[i].group];
-    if (std::any_of(group.begin(), group.end(), [&](const BuildMode& mode) {
-          return kMistaken * (mode.p_map_landmark - p).squaredNorm() < squared;
-        })) {
-      continue;
-    }
+    if (kMistaken * FindNearest(build, shared[i].group, p).squared_m2 < squared) continue;
     kept.groups.push_back(shared[i].group);
     kept.shared.push_back(alone->shared[i]);
     kept.places.push_back(alone->places[i]);

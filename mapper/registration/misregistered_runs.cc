@@ -13,6 +13,7 @@
 #include "mapper/frontend/frame_motions.h"
 #include "mapper/frontend/run_parts.h"
 #include "mapper/modes/mode_merging.h"
+#include "mapper/registration/mode_match.h"
 #include "mapper/registration/run_map_alignment.h"
 #include "mapper/run_maps/run_map.h"
 #include "mapper/run_maps/single_run.h"
@@ -80,18 +81,15 @@ Agreement AgreementOf(const ModeOptions& options, const BuildRun& run, const Own
   return AgreementOf(options, run, others, frames.front().stamp, frames.back().stamp);
 }
 
+ModeFilter HasOwner(const Owners& others) {
+  return [&](GroupIndex group, GroupModeIndex mode) { return others[group][mode] > 0; };
+}
+
 // The modes of others in the groups that a run has seen.
 AlignmentPoints Reference(const BuildState& build, const Owners& others, const BuildRun& run) {
   std::set<GroupIndex> groups;
   for (const MappingVisit& visit : run.data->visits) groups.insert(visit.group);
-  AlignmentPoints points;
-  for (const GroupIndex group : groups) {
-    for (const GroupModeIndex m : build.modes[group].indices()) {
-      if (others[group][m] == 0) continue;
-      points.push_back({group, build.modes[group][m].p_map_landmark, Eigen::Matrix2d::Zero()});
-    }
-  }
-  return points;
+  return PointsOfGroups(build, groups, HasOwner(others));
 }
 
 // Where most sightings of a visit agree. [m]
@@ -108,16 +106,10 @@ IndexedVector<VisitIndex, OptionalMode> MatchVisits(const ModeOptions& options,
                                                     const BuildRun& run) {
   IndexedVector<VisitIndex, OptionalMode> matches;
   for (const MappingVisit& visit : run.data->visits) {
-    const Eigen::Vector2d place = PlaceOf(options, run, visit);
-    const GroupIndex group = visit.group;
-    double least = kSamePlace;
-    OptionalMode& match = matches.emplace_back(kUnassigned);
-    for (const GroupModeIndex m : build.modes[group].indices()) {
-      const double distance = (build.modes[group][m].p_map_landmark - place).norm();
-      if (others[group][m] == 0 || distance >= least) continue;
-      least = distance;
-      match = m;
-    }
+    const NearestMode nearest =
+        FindNearest(build, visit.group, PlaceOf(options, run, visit), HasOwner(others));
+    const bool matches_it = nearest.squared_m2 < kSamePlace * kSamePlace;
+    matches.push_back(matches_it ? nearest.mode : kUnassigned);
   }
   return matches;
 }

@@ -1,34 +1,62 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "mapper/registration/mode_match.h"
 
+#include <algorithm>
+
 namespace shiftmap {
 
-std::vector<ModeMatch> MatchNearest(const BuildState& run_map, const BuildState& map) {
-  std::vector<ModeMatch> mode_matches;
-  ModeIndex flat;
-  for (const GroupIndex group : run_map.modes.indices()) {
-    const GroupModes& known = map.modes[group];
-    for (const GroupModeIndex m : run_map.modes[group].indices()) {
-      ModeMatch mode_match{group, m, flat++};
-      for (const GroupModeIndex k : known.indices()) {
-        const double squared =
-            (known[k].p_map_landmark - run_map.modes[group][m].p_map_landmark).squaredNorm();
-        if (squared >= mode_match.squared_m2) continue;
-        mode_match.squared_m2 = squared;
-        mode_match.nearest = k;
-      }
-      mode_matches.push_back(mode_match);
+int CountKnown(const KnownModes& known) {
+  return static_cast<int>(std::ssize(known) - std::count(known.begin(), known.end(), kUnassigned));
+}
+
+IndexedVector<ModeIndex, GroupIndex> GroupsOfModes(const BuildState& build) {
+  IndexedVector<ModeIndex, GroupIndex> groups;
+  for (const GroupIndex group : build.modes.indices()) {
+    groups.insert(groups.end(), build.modes[group].size(), group);
+  }
+  return groups;
+}
+
+AlignmentPoints PointsOfGroups(const BuildState& map,
+                               const std::set<GroupIndex>& groups,
+                               const ModeFilter& counts) {
+  AlignmentPoints points;
+  for (const GroupIndex group : groups) {
+    for (const GroupModeIndex mode : map.modes[group].indices()) {
+      if (counts && !counts(group, mode)) continue;
+      points.push_back({group, map.modes[group][mode].p_map_landmark});
     }
   }
-  return mode_matches;
+  return points;
 }
 
-const BuildMode& NearestMode(const BuildState& map, const ModeMatch& mode_match) {
-  return map.modes[mode_match.group][*mode_match.nearest];
+NearestMode FindNearest(const BuildState& map,
+                        GroupIndex group,
+                        const Eigen::Vector2d& point,
+                        const ModeFilter& counts) {
+  NearestMode nearest;
+  for (const GroupModeIndex mode : map.modes[group].indices()) {
+    const double squared = (map.modes[group][mode].p_map_landmark - point).squaredNorm();
+    if (squared >= nearest.squared_m2 || (counts && !counts(group, mode))) continue;
+    nearest = {mode, squared};
+  }
+  return nearest;
 }
 
-bool MatchesPrior(const BuildState& map, const ModeMatch& mode_match) {
-  return mode_match.nearest && NearestMode(map, mode_match).number != kAbsent;
+IndexedVector<ModeIndex, ModeMatch> MatchNearest(const BuildState& run_map, const BuildState& map) {
+  IndexedVector<ModeIndex, ModeMatch> matches;
+  for (const GroupIndex group : run_map.modes.indices()) {
+    for (const BuildMode& mode : run_map.modes[group]) {
+      ModeMatch& match = matches.emplace_back();
+      match.group = group;
+      match.position = mode.p_map_landmark;
+      match.nearest = FindNearest(map, group, match.position);
+      if (!match.nearest.mode) continue;
+      match.known = map.modes[group][*match.nearest.mode];
+      match.is_prior = match.known.number != kAbsent;
+    }
+  }
+  return matches;
 }
 
 }  // namespace shiftmap

@@ -11,7 +11,6 @@
 #include "mapper/registration/deformed_fit.h"
 #include "mapper/registration/displaced_modes.h"
 #include "mapper/registration/keep_alternatives.h"
-#include "mapper/registration/mode_match.h"
 #include "mapper/registration/run_map_alignment.h"
 #include "mapper/registration/waiting_run_maps.h"
 #include "mapstore/geometry/covariance.h"
@@ -20,155 +19,136 @@
 namespace shiftmap {
 namespace {
 
-// Per mode of an aligned run map whether it is told apart from what it is nearest to.
-// @param deformed  The run map may be bent as its covariance says, and the map as much; else the
-//                  alignment is all that is uncertain.
-std::vector<bool> ToldApart(const MapperOptions& options,
-                            const RunMapAlignment& aligned,
-                            const RunMap& run_map,
-                            const std::vector<ModeMatch>& mode_matches,
-                            bool deformed) {
+using ModeMatches = IndexedVector<ModeIndex, ModeMatch>;
+
+// Which modes of an aligned run map are told apart from what they are nearest to.
+// @param deformed_by  The run map may be bent as this covariance says, and the map as much. Null:
+//                     the alignment is all that is uncertain.
+ModeFlags ToldApart(const MapperOptions& options,
+                    const Alignment& alignment,
+                    const ModeMatches& matches,
+                    const Eigen::MatrixXd* deformed_by) {
   const double gate = ChiSquareQuantile(options.modes.merge_probability, 2);
   const double floor = options.modes.position_floor_m;
-  const std::vector<Eigen::Vector2d> positions = ModePositions(run_map.build);
-  std::vector<bool> apart;
-  for (std::size_t i = 0; i < mode_matches.size(); ++i) {
-    const Eigen::Index row = RowOf(i);
-    const double variance = aligned.alignment.PositionVariance(positions[i]) + 2.0 * floor * floor +
-                            (deformed ? run_map.covariance.block<2, 2>(row, row).trace() : 0.0);
-    apart.push_back(mode_matches[i].squared_m2 >= gate * variance);
+  ModeFlags apart;
+  for (const ModeIndex i : matches.indices()) {
+    const ModeMatch& match = matches[i];
+    double variance = alignment.PositionVariance(match.position) + 2.0 * floor * floor;
+    if (deformed_by != nullptr) variance += deformed_by->block<2, 2>(2 * i, 2 * i).trace();
+    apart.push_back(match.nearest.squared_m2 >= gate * variance);
   }
   return apart;
 }
 
-// Whether fewer than kMinTyingModes of these modes are where the map has them.
-bool AreTooFew(const std::vector<OptionalMode>& known) {
-  return std::ssize(known) - std::count(known.begin(), known.end(), kUnassigned) < kMinTyingModes;
-}
+// What is known of the modes of a run map in the map frame.
+struct Recognized {
+  KnownModes known;
+  ModeFlags displaced;
+  std::vector<KeptAlternatives> kept;  // What is in doubt; its modes are not known.
+};
 
-// The mode of the build that each mode of an aligned run map is, or kUnassigned.
-std::vector<OptionalMode> KnownModes(const RunMapAlignment& aligned,
-                                     const std::vector<ModeMatch>& mode_matches,
-                                     const std::vector<bool>& displaced,
-                                     const std::vector<bool>& apart,
-                                     const BuildState& build) {
-  std::vector<OptionalMode> modes;
-  for (std::size_t i = 0; i < mode_matches.size(); ++i) {
-    const ModeMatch& mode_match = mode_matches[i];
-    if (aligned.stayed && (*aligned.stayed)[i]) {
-      modes.push_back((*aligned.stayed)[i]);
-      continue;
+// The modes that are known by what stayed, or because they were not displaced, or, of those that
+// others have brought, because they are not told apart.
+Recognized ByAlignment(const RunMapAlignment& aligned,
+                       const std::optional<DisplacedModes>& found,
+                       const ModeFlags& apart,
+                       const ModeMatches& matches) {
+  Recognized recognized{KnownModes(matches.size()), ModeFlags(matches.size()), {}};
+  if (found) recognized.displaced = found->displaced;
+  for (const ModeIndex i : matches.indices()) {
+    const ModeMatch& match = matches[i];
+    OptionalMode& known = recognized.known[i];
+    if (aligned.stayed) {
+      known = (*aligned.stayed)[i];
+      recognized.displaced[i] = match.is_prior && !known;
     }
-    const bool known = MatchesPrior(build, mode_match) ? !displaced[i] : !apart[i];
-    modes.push_back(known ? mode_match.nearest : kUnassigned);
+    if (!known && !(match.is_prior ? recognized.displaced[i] : apart[i])) {
+      known = match.nearest.mode;
+    }
   }
-  return modes;
+  return recognized;
 }
 
-// Per mode whether it meets the prior map and is not among those that stayed.
-std::vector<bool> Others(const std::vector<OptionalMode>& stayed,
-                         const BuildState& build,
-                         const std::vector<ModeMatch>& mode_matches) {
-  std::vector<bool> others;
-  for (std::size_t i = 0; i < mode_matches.size(); ++i) {
-    others.push_back(MatchesPrior(build, mode_matches[i]) && !stayed[i]);
-  }
-  return others;
-}
-
-// What is in doubt of an aligned run map. Its modes are then not known.
-std::vector<KeptAlternatives> KeepDoubts(const MapperOptions& options,
-                                         const RunMapAlignment& aligned,
-                                         const std::optional<DisplacedModes>& found,
-                                         const std::vector<bool>& apart,
-                                         const RunMap& run_map,
-                                         const std::vector<ModeMatch>& mode_matches,
-                                         const BuildState& build,
-                                         std::vector<OptionalMode>* known) {
-  std::vector<KeptAlternatives> doubts;
-  const auto keep =
-      [&](const StayedPosterior& frame, double decided, const std::vector<bool>& told_apart) {
-        std::optional<KeptAlternatives> kept =
-            KeepAlternatives(frame, decided, told_apart, run_map, mode_matches, build, known);
-        if (kept) doubts.push_back(*std::move(kept));
-      };
+// Takes out what is in doubt.
+void KeepDoubts(const MapperOptions& options,
+                const RunMapAlignment& aligned,
+                const std::optional<DisplacedModes>& found,
+                const ModeFlags& apart,
+                const RunMap& run_map,
+                const ModeMatches& matches,
+                Recognized* recognized) {
+  const auto keep = [&](const StayedPosterior& frame, double decided, const ModeFlags& told_apart) {
+    std::optional<KeptAlternatives> kept =
+        KeepAlternatives(frame, decided, told_apart, run_map, matches, &recognized->known);
+    if (kept) recognized->kept.push_back(*std::move(kept));
+  };
   keep(aligned.given, options.confirmation.min_probability, apart);
-  if (!found) return doubts;
+  if (!found) return;
   for (const Explanations& together : found->explanations) {
-    keep(together.frames.front().given,
+    keep(together.best().given,
          options.confirmation.min_probability_of_most,
-         std::vector<bool>(apart.size(), true));
+         ModeFlags(apart.size(), true));
   }
-  return doubts;
 }
 
-bool IsInDoubt(const std::vector<KeptAlternatives>& doubts, GroupIndex group) {
-  return std::any_of(doubts.begin(), doubts.end(), [&](const KeptAlternatives& kept) {
-    return IsInDoubt(kept, group);
-  });
-}
-
-// Adds a run map, already moved into the map frame. False, and nothing is done, if too little of it
-// is known to hold it there.
-// @param aligned  Nothing for the first run map, which meets no other.
+// Nothing if too little of an aligned run map is known to hold it where it is.
 // @param found    Of a run map on a prior map, unless `aligned` says what stayed.
-bool Absorb(const MapperOptions& options,
-            const std::optional<RunMapAlignment>& aligned,
-            const std::optional<DisplacedModes>& found,
-            RunMap run_map,
-            BuildState* build) {
-  const std::vector<ModeMatch> mode_matches = MatchNearest(run_map.build, *build);
-  std::vector<bool> displaced(mode_matches.size());
-  if (aligned && aligned->stayed) {
-    displaced = Others(*aligned->stayed, *build, mode_matches);
-  } else if (found) {
-    displaced = found->displaced;
+// @param run_map  Moved into the map frame. Deformed onto what is known.
+std::optional<Recognized> Recognize(const MapperOptions& options,
+                                    const RunMapAlignment& aligned,
+                                    const std::optional<DisplacedModes>& found,
+                                    const BuildState& build,
+                                    RunMap* run_map) {
+  const ModeMatches matches = MatchNearest(run_map->build, build);
+  if (aligned.deformed) {
+    return Recognized{
+        FitDeformedRunMap(options, build, aligned.places, run_map), ModeFlags(matches.size()), {}};
   }
-  std::vector<OptionalMode> known(mode_matches.size());
-  if (aligned && aligned->deformed) {
-    known = FitDeformedRunMap(options, *build, aligned->places, &run_map);
-  } else if (aligned) {
-    std::vector<bool> apart = ToldApart(options, *aligned, run_map, mode_matches, false);
-    known = KnownModes(*aligned, mode_matches, displaced, apart, *build);
-    // As of places far from each other: no rigid transform puts all where the map has them.
-    const bool deformed = AreTooFew(known);
-    if (deformed) {
-      apart = ToldApart(options, *aligned, run_map, mode_matches, true);
-      known = KnownModes(*aligned, mode_matches, displaced, apart, *build);
-    }
-    const std::vector<KeptAlternatives> doubts =
-        KeepDoubts(options, *aligned, found, apart, run_map, mode_matches, *build, &known);
-    if (AreTooFew(known)) return false;
-    if (deformed) DeformOntoMap(options, *build, known, &run_map);
-    build->kept.insert(build->kept.end(), doubts.begin(), doubts.end());
-    std::vector<bool> decided;  // With all modes of the prior at once.
-    for (std::size_t i = 0; i < mode_matches.size(); ++i) {
-      const bool in_doubt = IsInDoubt(doubts, mode_matches[i].group);
-      decided.push_back(MatchesPrior(*build, mode_matches[i]) || in_doubt);
-      if (found && in_doubt) displaced[i] = true;
-    }
-    // Where most landmarks stand elsewhere, one that is taken for known deforms the run to fit.
-    const auto met = std::count_if(mode_matches.begin(),
-                                   mode_matches.end(),
-                                   [](const ModeMatch& e) { return e.nearest.has_value(); });
-    const auto unknown = std::count(known.begin(), known.end(), kUnassigned);
-    if (2 * (std::ssize(known) - unknown) >= met) {
-      std::vector<OptionalMode> grown = GrowMatches(options, run_map, *build, known, decided);
-      if (grown != known) {
-        known = std::move(grown);
-        DeformOntoMap(options, *build, known, &run_map);
-      }
+  ModeFlags apart = ToldApart(options, aligned.alignment, matches, nullptr);
+  Recognized recognized = ByAlignment(aligned, found, apart, matches);
+  // As of places far from each other: no rigid transform puts all where the map has them.
+  const bool deformed = CountKnown(recognized.known) < kMinTyingModes;
+  if (deformed) {
+    apart = ToldApart(options, aligned.alignment, matches, &run_map->covariance);
+    recognized = ByAlignment(aligned, found, apart, matches);
+  }
+  KeepDoubts(options, aligned, found, apart, *run_map, matches, &recognized);
+  const int count = CountKnown(recognized.known);
+  if (count < kMinTyingModes) return std::nullopt;
+  if (deformed) DeformOntoMap(options, build, recognized.known, run_map);
+  ModeFlags decided;  // With all modes of the prior at once.
+  int met = 0;
+  for (const ModeIndex i : matches.indices()) {
+    const bool in_doubt = std::any_of(
+        recognized.kept.begin(), recognized.kept.end(), [&](const KeptAlternatives& kept) {
+          return IsInDoubt(kept, matches[i].group);
+        });
+    decided.push_back(matches[i].is_prior || in_doubt);
+    if (found && in_doubt) recognized.displaced[i] = true;
+    met += matches[i].nearest.mode.has_value();
+  }
+  // Where most landmarks stand elsewhere, one that is taken for known deforms the run to fit.
+  if (2 * count < met) return recognized;
+  KnownModes grown = GrowMatches(options, *run_map, build, recognized.known, decided);
+  if (grown == recognized.known) return recognized;
+  recognized.known = std::move(grown);
+  DeformOntoMap(options, build, recognized.known, run_map);
+  return recognized;
+}
+
+// Adds a run map, already moved into the map frame.
+void AddRunMap(const Recognized& recognized, RunMap run_map, BuildState* build) {
+  IndexedVector<GroupIndex, IndexedVector<GroupModeIndex, GroupModeIndex>> becomes;
+  ModeIndex i;
+  for (const GroupIndex group : run_map.build.modes.indices()) {
+    auto& of_group = becomes.emplace_back();
+    for (const BuildMode& mode : run_map.build.modes[group]) {
+      const BuildMode added{mode.p_map_landmark, kAbsent, recognized.displaced[i]};
+      const OptionalMode known = recognized.known[i++];
+      of_group.push_back(known ? *known : AddMode(group, added, build));
     }
   }
-  const std::vector<Eigen::Vector2d> positions = ModePositions(run_map.build);
-  IndexedVector<GroupIndex, IndexedVector<GroupModeIndex, GroupModeIndex>> becomes(
-      run_map.build.modes.size());
-  for (std::size_t i = 0; i < mode_matches.size(); ++i) {
-    const ModeMatch& mode_match = mode_matches[i];
-    const Eigen::Vector2d& position = positions[i];
-    becomes[mode_match.group].push_back(
-        known[i] ? *known[i] : AddMode(mode_match.group, {position, kAbsent, displaced[i]}, build));
-  }
+  build->kept.insert(build->kept.end(), recognized.kept.begin(), recognized.kept.end());
   build->kept.insert(build->kept.end(), run_map.build.kept.begin(), run_map.build.kept.end());
   for (BuildRun& run : run_map.build.runs) {
     for (const VisitIndex v : run.assignment.indices()) {
@@ -177,7 +157,6 @@ bool Absorb(const MapperOptions& options,
     }
     build->runs.push_back(std::move(run));
   }
-  return true;
 }
 
 void Reject(const RunMap& run_map, const std::string& why, std::vector<RejectedRun>* rejected) {
@@ -212,15 +191,12 @@ void Rotate(const Eigen::Matrix2d& R, Eigen::MatrixXd* cov) {
   }
 }
 
-// Per mode of a run map the mode of its group in the map where it stayed, or kUnassigned.
-std::vector<OptionalMode> Stayed(const Explanation& explanation,
-                                 const RunMap& run_map,
-                                 const BuildState& build) {
+// The modes that stayed.
+KnownModes Stayed(const Explanation& explanation, const RunMap& run_map, const BuildState& build) {
   const FlatModes flat(build);
-  std::vector<OptionalMode> modes(run_map.points.size());
+  KnownModes modes(run_map.points.size());
   for (const Match& match : explanation.stayed) {
-    modes[static_cast<std::size_t>(match.other.value())] =
-        GroupModeIndex(match.reference - flat.first[match.group]);
+    modes[match.other] = GroupModeIndex(match.reference - flat.first[match.group]);
   }
   return modes;
 }
@@ -245,7 +221,7 @@ std::optional<RunMapAlignment> Locate(const MapperOptions& options,
     return aligned;
   std::optional<Explanations> found = ExplainRunMap(options, prior, build, area_m2, run_map);
   if (!found) return aligned;
-  const Explanation& best = found->frames.front();
+  const Explanation& best = found->best();
   if (!IsDecided(options.confirmation, run_map, consensus, most_agree, best)) {
     if (aligned || !best.nothing_stayed()) *explanations = std::move(found);
     return std::nullopt;
@@ -266,7 +242,7 @@ std::optional<RunMapAlignment> Locate(const MapperOptions& options,
 std::optional<Explanations> Undecided(const MapperOptions& options, const DisplacedModes& found) {
   const double decided = options.confirmation.min_probability_of_most;
   for (const Explanations& together : found.explanations) {
-    const Explanation& best = together.frames.front();
+    const Explanation& best = together.best();
     if (best.probability < decided) return together;
     const auto& stays = best.given.stays;
     const auto certain = [&](const auto& stay) { return stay.second >= decided; };
@@ -282,7 +258,7 @@ std::optional<Explanations> Undecided(const MapperOptions& options, const Displa
 // Places a run map that waits, if it aligns and nothing else explains it.
 void PlaceNext(const MapperOptions& options,
                const std::optional<MapContent>& prior,
-               std::size_t next,
+               RunMapIndex next,
                WaitingRunMaps* waiting,
                BuildState* build,
                std::vector<RejectedRun>* rejected) {
@@ -307,10 +283,11 @@ void PlaceNext(const MapperOptions& options,
     }
   }
   waiting->Take(next);
-  std::vector<RejectedRun> rejection;
-  Reject(placed, kUnconstrainedReason, &rejection);
-  if (!Absorb(options, aligned, found, std::move(placed), build)) {
-    rejected->insert(rejected->end(), rejection.begin(), rejection.end());
+  const std::optional<Recognized> recognized = Recognize(options, *aligned, found, *build, &placed);
+  if (recognized) {
+    AddRunMap(*recognized, std::move(placed), build);
+  } else {
+    Reject(placed, kUnconstrainedReason, rejected);
   }
   waiting->Update(next, *build);
 }
@@ -354,10 +331,11 @@ std::vector<JointMap> Join(const MapperOptions& options,
                            std::vector<RejectedRun>* rejected,
                            const StepCallback& on_step) {
   std::vector<JointMap> maps;
-  while (const std::optional<std::size_t> first = waiting->Largest()) {
+  while (const std::optional<RunMapIndex> first = waiting->Largest()) {
     JointMap map{nothing, waiting->At(*first)};
     waiting->Recount(map.build);
-    Absorb(options, std::nullopt, std::nullopt, waiting->Take(*first), &map.build);
+    const std::size_t modes = map.first.points.size();
+    AddRunMap({KnownModes(modes), ModeFlags(modes), {}}, waiting->Take(*first), &map.build);
     waiting->Update(*first, map.build);
     PlaceWaiting(options, std::nullopt, waiting, &map.build, rejected, on_step);
     maps.push_back(std::move(map));
@@ -420,7 +398,7 @@ void PlaceRunMaps(const MapperOptions& options,
     waiting = WaitingRunMaps(std::move(left), *build);
     PlaceWaiting(options, prior, &waiting, build, rejected, on_step);
   }
-  for (const std::size_t i : waiting.Remaining()) {
+  for (const RunMapIndex i : waiting.Remaining()) {
     const RunMap& run_map = waiting.At(i);
     if (!waiting.Open(i)) {
       Reject(run_map, NotAligned(run_map), rejected);

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "mapper/registration/run_map_alignment.h"
 
-#include <algorithm>
 #include <utility>
 
 #include "mapper/covariance/gauge.h"
@@ -19,17 +18,11 @@ constexpr int kPartModes = 24;
 // The modes of a part, with covariances relative to them as a whole.
 AlignmentPoints PointsOf(const RunMap& run_map, const std::vector<ModeIndex>& part) {
   AlignmentPoints points;
-  std::vector<Eigen::Vector2d> positions;
-  std::vector<Eigen::Index> rows;
-  for (const ModeIndex mode : part) {
-    points.push_back(run_map.points[mode]);
-    positions.push_back(points.back().position);
-    for (const int axis : {0, 1}) rows.push_back(2 * mode + axis);
-  }
-  const Eigen::MatrixXd cov = ReferToPositions(positions, run_map.covariance(rows, rows));
-  for (std::size_t i = 0; i < points.size(); ++i) {
-    const auto at = static_cast<Eigen::Index>(2 * i);
-    points[ModeIndex(i)].cov = cov.block<2, 2>(at, at);
+  for (const ModeIndex mode : part) points.push_back(run_map.points[mode]);
+  const std::vector<Eigen::Index> rows = RowsOf(part);
+  const Eigen::MatrixXd cov = ReferToPositions(PositionsOf(points), run_map.covariance(rows, rows));
+  for (const ModeIndex i : points.indices()) {
+    points[i].cov = cov.block<2, 2>(RowOf(i), RowOf(i));
   }
   return points;
 }
@@ -38,7 +31,7 @@ AlignmentPoints PointsOf(const RunMap& run_map, const std::vector<ModeIndex>& pa
 void AddPlaces(const Alignment& alignment,
                const RunMap& run_map,
                const std::vector<ModeIndex>& part,
-               IndexedVector<ModeIndex, std::optional<Eigen::Vector2d>>* places) {
+               ModePlaces* places) {
   for (const ModeIndex mode : part) {
     const AlignmentPoint& point = run_map.points[mode];
     if (!alignment.Agrees(point.group)) continue;
@@ -64,10 +57,8 @@ std::optional<RunMapAlignment> AlignRunMap(const AlignmentPoints& reference,
     result.alignment = *std::move(whole);
     return result;
   }
-  IndexedVector<ModeIndex, Eigen::Vector2d> positions;
-  for (const AlignmentPoint& point : run_map.points) positions.push_back(point.position);
-  result.places.resize(positions.size());
-  for (const std::vector<ModeIndex>& part : TileModes(positions, kPartModes)) {
+  result.places.resize(run_map.points.size());
+  for (const std::vector<ModeIndex>& part : TileModes(PositionsOf(run_map.points), kPartModes)) {
     std::optional<Alignment> alignment =
         AlignByConsensus(reference, PointsOf(run_map, part), area_m2, options);
     if (!alignment || alignment->signatures.size() < kMinPartSignatures) continue;

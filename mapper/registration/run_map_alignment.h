@@ -3,10 +3,10 @@
 
 #include <cstddef>
 #include <optional>
-#include <vector>
 
 #include "mapper/alignment/consensus.h"
 #include "mapper/alignment/explanation.h"
+#include "mapper/registration/mode_match.h"
 #include "mapper/run_maps/run_map.h"
 
 namespace shiftmap {
@@ -23,16 +23,14 @@ struct RunMapAlignment {
   Alignment alignment;    ///< Of the part of the run map that tells it best.
   bool deformed = false;  ///< One rigid transform does not hold for the run map as a whole.
 
-  /// Of a place that is confirmed (confirm_alignment.h): per mode, flat, the mode of its group in
-  /// the map that it is, or kUnassigned.
-  std::optional<std::vector<OptionalMode>> stayed;
+  /// Of a place that is confirmed (confirm_alignment.h).
+  std::optional<KnownModes> stayed;
 
   /// Of a place that is confirmed: what may have stayed.
   StayedPosterior given = {};
 
-  /// Of a deformed run map, where the map has the modes that agree in their own part, or nothing.
-  /// Per mode. [m]
-  IndexedVector<ModeIndex, std::optional<Eigen::Vector2d>> places;
+  /// Of a deformed run map: of the modes that agree in their own part.
+  ModePlaces places;
 };
 
 /// Aligns a run map with the modes of a map.

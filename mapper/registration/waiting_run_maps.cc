@@ -1,22 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "mapper/registration/waiting_run_maps.h"
 
-#include <algorithm>
 #include <utility>
+
+#include "mapper/registration/mode_match.h"
 
 namespace shiftmap {
 
-WaitingRunMaps::WaitingRunMaps(std::vector<RunMap> run_maps, const BuildState& build)
+WaitingRunMaps::WaitingRunMaps(IndexedVector<RunMapIndex, RunMap> run_maps, const BuildState& build)
     : entries_(run_maps.size()),
       with_group_(build.modes.size()),
       modes_of_group_(build.modes.size()) {
-  for (std::size_t i = 0; i < run_maps.size(); ++i) {
+  for (const RunMapIndex i : run_maps.indices()) {
     Entry& entry = entries_[i];
-    // Points are by group.
     for (const AlignmentPoint& point : run_maps[i].points) {
-      if (!entry.groups.empty() && entry.groups.back() == point.group) continue;
-      entry.groups.push_back(point.group);
-      with_group_[point.group].push_back(i);
+      if (entry.groups.insert(point.group).second) with_group_[point.group].push_back(i);
     }
     entry.run_map = std::move(run_maps[i]);
   }
@@ -24,10 +22,10 @@ WaitingRunMaps::WaitingRunMaps(std::vector<RunMap> run_maps, const BuildState& b
 }
 
 template <typename Value>
-std::optional<std::size_t> WaitingRunMaps::FirstWithMost(const Value& value) const {
-  std::optional<std::size_t> first;
+std::optional<RunMapIndex> WaitingRunMaps::FirstWithMost(const Value& value) const {
+  std::optional<RunMapIndex> first;
   std::size_t most = 0;
-  for (std::size_t i = 0; i < entries_.size(); ++i) {
+  for (const RunMapIndex i : entries_.indices()) {
     if (!entries_[i].run_map) continue;
     const std::size_t at = value(entries_[i]);
     if (at <= most) continue;
@@ -37,11 +35,11 @@ std::optional<std::size_t> WaitingRunMaps::FirstWithMost(const Value& value) con
   return first;
 }
 
-std::optional<std::size_t> WaitingRunMaps::Largest() const {
+std::optional<RunMapIndex> WaitingRunMaps::Largest() const {
   return FirstWithMost([](const Entry& entry) { return entry.run_map->points.size() + 1; });
 }
 
-std::optional<std::size_t> WaitingRunMaps::Next() const {
+std::optional<RunMapIndex> WaitingRunMaps::Next() const {
   const auto untried = FirstWithMost([](const Entry& entry) -> std::size_t {
     return entry.tried_with_modes == 0 ? entry.shared : 0;
   });
@@ -51,18 +49,18 @@ std::optional<std::size_t> WaitingRunMaps::Next() const {
   });
 }
 
-void WaitingRunMaps::SetAside(std::size_t i, std::optional<Explanations> explanations) {
+void WaitingRunMaps::SetAside(RunMapIndex i, std::optional<Explanations> explanations) {
   entries_[i].tried_with_modes = entries_[i].modes;
   entries_[i].explanations = std::move(explanations);
 }
 
-RunMap WaitingRunMaps::Take(std::size_t i) {
+RunMap WaitingRunMaps::Take(RunMapIndex i) {
   RunMap run_map = std::move(*entries_[i].run_map);
   entries_[i].run_map.reset();
   return run_map;
 }
 
-void WaitingRunMaps::Update(std::size_t i, const BuildState& build) {
+void WaitingRunMaps::Update(RunMapIndex i, const BuildState& build) {
   for (const GroupIndex group : entries_[i].groups) Count(group, build);
 }
 
@@ -70,7 +68,7 @@ void WaitingRunMaps::Count(GroupIndex group, const BuildState& build) {
   const std::size_t now = build.modes[group].size();
   const std::size_t before = std::exchange(modes_of_group_[group], now);
   if (now == before) return;
-  for (const std::size_t i : with_group_[group]) {
+  for (const RunMapIndex i : with_group_[group]) {
     Entry& entry = entries_[i];
     entry.modes = entry.modes - before + now;
     if (before == 0) ++entry.shared;
@@ -83,19 +81,13 @@ void WaitingRunMaps::Recount(const BuildState& build) {
   for (Entry& entry : entries_) entry.tried_with_modes = 0;
 }
 
-AlignmentPoints WaitingRunMaps::Reference(std::size_t i, const BuildState& build) const {
-  AlignmentPoints points;
-  for (const GroupIndex group : entries_[i].groups) {
-    for (const BuildMode& mode : build.modes[group]) {
-      points.push_back({group, mode.p_map_landmark, Eigen::Matrix2d::Zero()});
-    }
-  }
-  return points;
+AlignmentPoints WaitingRunMaps::Reference(RunMapIndex i, const BuildState& build) const {
+  return PointsOfGroups(build, entries_[i].groups);
 }
 
-std::vector<std::size_t> WaitingRunMaps::Remaining() const {
-  std::vector<std::size_t> remaining;
-  for (std::size_t i = 0; i < entries_.size(); ++i) {
+std::vector<RunMapIndex> WaitingRunMaps::Remaining() const {
+  std::vector<RunMapIndex> remaining;
+  for (const RunMapIndex i : entries_.indices()) {
     if (entries_[i].run_map) remaining.push_back(i);
   }
   return remaining;

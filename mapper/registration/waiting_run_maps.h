@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <optional>
+#include <set>
 #include <utility>
 #include <vector>
 
@@ -13,49 +14,51 @@
 
 namespace shiftmap {
 
+using RunMapIndex = TypedIndex<struct RunMapTag>;  ///< In WaitingRunMaps.
+
 /// RunMaps that wait for their place, and how much of each the map has by now: counts that are kept
 /// up to date, so that choosing the next one aligns none.
 class WaitingRunMaps {
  public:
   /// @param build  The map so far.
-  WaitingRunMaps(std::vector<RunMap> run_maps, const BuildState& build);
+  WaitingRunMaps(IndexedVector<RunMapIndex, RunMap> run_maps, const BuildState& build);
 
   /// The one with most landmarks, the first of several; nothing if none waits.
-  std::optional<std::size_t> Largest() const;
+  std::optional<RunMapIndex> Largest() const;
 
   /// The one that shares most signatures with the map, the first of several. One that was set aside
   /// comes after all others, and only if the map has got more modes of its signatures since.
-  std::optional<std::size_t> Next() const;
+  std::optional<RunMapIndex> Next() const;
 
   /// Precondition of this and what follows: it waits.
-  const RunMap& At(std::size_t i) const { return *entries_[i].run_map; }
+  const RunMap& At(RunMapIndex i) const { return *entries_[i].run_map; }
 
   /// It does not align with the map as it is, or in several ways.
   /// @param explanations  Of these, or nothing.
-  void SetAside(std::size_t i, std::optional<Explanations> explanations = std::nullopt);
+  void SetAside(RunMapIndex i, std::optional<Explanations> explanations = std::nullopt);
 
   /// Why it was set aside the last time, if several explanations fit.
-  const std::optional<Explanations>& Open(std::size_t i) const { return entries_[i].explanations; }
+  const std::optional<Explanations>& Open(RunMapIndex i) const { return entries_[i].explanations; }
 
   /// It waits no longer.
-  RunMap Take(std::size_t i);
+  RunMap Take(RunMapIndex i);
 
   /// Counts what a run map that was taken has brought to the map.
-  void Update(std::size_t i, const BuildState& build);
+  void Update(RunMapIndex i, const BuildState& build);
 
   /// Counts anew in a map that has changed as a whole. What was set aside may be tried again.
   void Recount(const BuildState& build);
 
   /// Every mode of the map of the signatures that a run map has.
-  AlignmentPoints Reference(std::size_t i, const BuildState& build) const;
+  AlignmentPoints Reference(RunMapIndex i, const BuildState& build) const;
 
   /// Those that wait, in the order they came in.
-  std::vector<std::size_t> Remaining() const;
+  std::vector<RunMapIndex> Remaining() const;
 
  private:
   struct Entry {
-    std::optional<RunMap> run_map;     // Until it is taken.
-    std::vector<GroupIndex> groups;    // Ascending.
+    std::optional<RunMap> run_map;  // Until it is taken.
+    std::set<GroupIndex> groups;
     std::size_t shared = 0;            // Of its groups, those with a mode in the map.
     std::size_t modes = 0;             // Of its groups in the map.
     std::size_t tried_with_modes = 0;  // How many these were when it did not align.
@@ -63,11 +66,11 @@ class WaitingRunMaps {
   };
 
   template <typename Value>
-  std::optional<std::size_t> FirstWithMost(const Value& value) const;
+  std::optional<RunMapIndex> FirstWithMost(const Value& value) const;
   void Count(GroupIndex group, const BuildState& build);
 
-  std::vector<Entry> entries_;
-  IndexedVector<GroupIndex, std::vector<std::size_t>> with_group_;  // The run maps that have it.
+  IndexedVector<RunMapIndex, Entry> entries_;
+  IndexedVector<GroupIndex, std::vector<RunMapIndex>> with_group_;  // The run maps that have it.
   IndexedVector<GroupIndex, std::size_t> modes_of_group_;           // In the map, as counted.
 };
 

@@ -55,8 +55,8 @@ Road MakeRoad(std::mt19937_64& random) {
 }
 
 // What a rigid transform that fits the first landmarks finds.
-std::vector<OptionalMode> RigidMatches(const Road& road, double gate_m) {
-  std::vector<OptionalMode> known;
+KnownModes RigidMatches(const Road& road, double gate_m) {
+  KnownModes known;
   for (const GroupIndex i : road.map.modes.indices()) {
     const double distance =
         (road.map.modes[i][0].p_map_landmark - road.run_map.build.modes[i][0].p_map_landmark)
@@ -73,11 +73,11 @@ TEST(GrowMatches, FollowsTheBendOfALongRun) {
   int grown = 0;
   for (int trial = 0; trial < 10; ++trial) {
     const Road road = MakeRoad(random);
-    const std::vector<OptionalMode> known = RigidMatches(road, 0.3);
-    const std::vector<OptionalMode> more =
-        GrowMatches(options, road.run_map, road.map, known, std::vector<bool>(kLandmarks));
-    for (std::size_t i = 0; i < known.size(); ++i) {
-      EXPECT_TRUE(known[i] == kUnassigned || more[i] == known[i]) << i;
+    const KnownModes known = RigidMatches(road, 0.3);
+    const KnownModes more =
+        GrowMatches(options, road.run_map, road.map, known, ModeFlags(kLandmarks));
+    for (const ModeIndex i : known.indices()) {
+      EXPECT_TRUE(known[i] == kUnassigned || more[i] == known[i]) << i.value();
     }
     rigid += static_cast<int>(std::count(known.begin(), known.end(), GroupModeIndex(0)));
     grown += static_cast<int>(std::count(more.begin(), more.end(), GroupModeIndex(0)));
@@ -90,19 +90,20 @@ TEST(GrowMatches, LeavesAloneWhatMovedAndWhatIsDecided) {
   std::mt19937_64 random(testing::TestSeed(96));
   const MapperOptions options;
   Road road = MakeRoad(random);
-  const std::vector<OptionalMode> known = RigidMatches(road, 0.3);
-  std::vector<bool> fixed(kLandmarks);
+  const KnownModes known = RigidMatches(road, 0.3);
+  ModeFlags fixed(kLandmarks);
   for (const GroupIndex moved : std::vector<GroupIndex>{14, 22, 35}) {
     road.map.modes[moved][0].p_map_landmark += Eigen::Vector2d(0.0, 4.0);
   }
   fixed[28] = true;
-  const std::vector<OptionalMode> start = [&] {
-    std::vector<OptionalMode> few = known;
-    for (const std::size_t i : {14u, 22u, 28u, 35u}) few[i] = kUnassigned;
+  const std::vector<ModeIndex> decided = {14, 22, 28, 35};
+  const KnownModes start = [&] {
+    KnownModes few = known;
+    for (const ModeIndex i : decided) few[i] = kUnassigned;
     return few;
   }();
-  const std::vector<OptionalMode> more = GrowMatches(options, road.run_map, road.map, start, fixed);
-  for (const std::size_t i : {14u, 22u, 28u, 35u}) EXPECT_EQ(more[i], kUnassigned) << i;
+  const KnownModes more = GrowMatches(options, road.run_map, road.map, start, fixed);
+  for (const ModeIndex i : decided) EXPECT_EQ(more[i], kUnassigned) << i.value();
 }
 
 TEST(DeformOntoMap, BringsKnownModesAndTheTrajectoryToTheMap) {
@@ -118,7 +119,7 @@ TEST(DeformOntoMap, BringsKnownModesAndTheTrajectoryToTheMap) {
   const auto deform = [](const Eigen::Vector2d& p) {
     return Eigen::Vector2d(p.x(), p.y() + 0.01 * p.x() * p.x());
   };
-  std::vector<OptionalMode> known;
+  KnownModes known;
   for (GroupModes& group : map.modes) {
     for (const GroupModeIndex m : group.indices()) {
       group[m].p_map_landmark = deform(group[m].p_map_landmark);

@@ -59,11 +59,11 @@ TEST(AlignRunMap, FindsTheModesOfADeformedRunMapPartByPart) {
   ASSERT_TRUE(aligned.has_value());
   EXPECT_TRUE(aligned->deformed);
   int found = 0;
-  for (std::size_t i = 0; i < aligned->places.size(); ++i) {
-    const std::optional<Eigen::Vector2d>& place = aligned->places[ModeIndex(i)];
+  for (const ModeIndex i : aligned->places.indices()) {
+    const std::optional<Eigen::Vector2d>& place = aligned->places[i];
     if (!place) continue;
     ++found;
-    EXPECT_LT((*place - road.reference[i].position).norm(), 2.5) << i;
+    EXPECT_LT((*place - road.reference[i].position).norm(), 2.5) << i.value();
   }
   EXPECT_GT(found, kLandmarks / 3);
 }

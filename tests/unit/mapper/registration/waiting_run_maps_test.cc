@@ -16,9 +16,11 @@ namespace {
 constexpr int kGroups = 40;
 
 // RunMaps of nothing but groups, each a different number of them.
-std::vector<std::set<int>> RandomGroups(int run_maps, std::mt19937_64& random) {
+using GroupSets = IndexedVector<RunMapIndex, std::set<int>>;
+
+GroupSets RandomGroups(int run_maps, std::mt19937_64& random) {
   std::uniform_int_distribution<int> group(0, kGroups - 1);
-  std::vector<std::set<int>> all;
+  GroupSets all;
   for (int i = 0; i < run_maps; ++i) {
     std::set<int> groups;
     while (static_cast<int>(groups.size()) < i + 3) groups.insert(group(random));
@@ -33,7 +35,7 @@ RunMap MakeRunMapOf(const std::set<int>& groups) {
   return run_map;
 }
 
-WaitingRunMaps Waiting(const std::vector<std::set<int>>& groups, const BuildState& build) {
+WaitingRunMaps Waiting(const GroupSets& groups, const BuildState& build) {
   std::vector<RunMap> run_maps;
   for (const std::set<int>& of_run_map : groups) run_maps.push_back(MakeRunMapOf(of_run_map));
   return {std::move(run_maps), build};
@@ -47,12 +49,12 @@ void AddToMap(const std::set<int>& groups, BuildState* build) {
 }
 
 // The first of those with most groups that the map has, counted anew.
-std::size_t MostShared(const std::vector<std::set<int>>& groups,
-                       const std::set<std::size_t>& waiting,
+RunMapIndex MostShared(const GroupSets& groups,
+                       const std::set<RunMapIndex>& waiting,
                        const BuildState& build) {
-  std::size_t best = groups.size();
+  RunMapIndex best = groups.end_index();
   std::ptrdiff_t most = 0;
-  for (const std::size_t i : waiting) {
+  for (const RunMapIndex i : waiting) {
     const auto shared = std::count_if(groups[i].begin(), groups[i].end(), [&](int group) {
       return !build.modes[GroupIndex(group)].empty();
     });
@@ -66,29 +68,29 @@ std::size_t MostShared(const std::vector<std::set<int>>& groups,
 TEST(WaitingRunMaps, NextIsTheOneThatSharesMostCountedAnew) {
   std::mt19937_64 random(testing::TestSeed(92));
   for (int trial = 0; trial < 20; ++trial) {
-    const std::vector<std::set<int>> groups = RandomGroups(12, random);
+    const GroupSets groups = RandomGroups(12, random);
     BuildState build;
     build.modes.resize(kGroups);
     WaitingRunMaps run_maps = Waiting(groups, build);
-    std::set<std::size_t> waiting;
-    for (std::size_t i = 0; i < groups.size(); ++i) waiting.insert(i);
-    std::size_t next = *run_maps.Largest();
-    EXPECT_EQ(next, groups.size() - 1);
+    std::set<RunMapIndex> waiting;
+    for (const RunMapIndex i : groups.indices()) waiting.insert(i);
+    RunMapIndex next = *run_maps.Largest();
+    EXPECT_EQ(next, groups.end_index() - 1);
     while (true) {
       run_maps.Take(next);
       waiting.erase(next);
       AddToMap(groups[next], &build);
       run_maps.Update(next, build);
-      const std::optional<std::size_t> chosen = run_maps.Next();
-      const std::size_t expected = MostShared(groups, waiting, build);
+      const std::optional<RunMapIndex> chosen = run_maps.Next();
+      const RunMapIndex expected = MostShared(groups, waiting, build);
       if (!chosen) {
-        EXPECT_EQ(expected, groups.size());
+        EXPECT_EQ(expected, groups.end_index());
         break;
       }
       EXPECT_EQ(*chosen, expected);
       next = *chosen;
     }
-    EXPECT_EQ(run_maps.Remaining(), std::vector<std::size_t>(waiting.begin(), waiting.end()));
+    EXPECT_EQ(run_maps.Remaining(), std::vector<RunMapIndex>(waiting.begin(), waiting.end()));
   }
 }
 
@@ -111,9 +113,9 @@ TEST(WaitingRunMaps, OneThatWasSetAsideWaitsForOtherModesOfItsGroups) {
   build.modes.resize(kGroups);
   AddToMap({1, 2, 3, 4}, &build);
   WaitingRunMaps run_maps = Waiting({{1, 2, 3}, {3, 20}}, build);
-  ASSERT_EQ(run_maps.Next(), 0u);
+  ASSERT_EQ(run_maps.Next(), RunMapIndex(0));
   run_maps.SetAside(0);
-  ASSERT_EQ(run_maps.Next(), 1u);
+  ASSERT_EQ(run_maps.Next(), RunMapIndex(1));
   run_maps.SetAside(1);
   EXPECT_FALSE(run_maps.Next());
   // Another mode of a group of the second only.
@@ -121,7 +123,7 @@ TEST(WaitingRunMaps, OneThatWasSetAsideWaitsForOtherModesOfItsGroups) {
   build.modes[3].push_back({Eigen::Vector2d(30.0, 30.0), kAbsent});
   build.modes[20].push_back({Eigen::Vector2d(20.0, 0.0), kAbsent});
   run_maps.Update(1, build);
-  EXPECT_EQ(run_maps.Next(), 0u);
+  EXPECT_EQ(run_maps.Next(), RunMapIndex(0));
 }
 
 TEST(WaitingRunMaps, IsRightAfterTheMapHasLostModes) {
@@ -129,28 +131,28 @@ TEST(WaitingRunMaps, IsRightAfterTheMapHasLostModes) {
   build.modes.resize(kGroups);
   AddToMap({1, 2, 3, 4, 5}, &build);
   WaitingRunMaps run_maps = Waiting({{1, 2, 3}, {4, 5, 6}}, build);
-  ASSERT_EQ(run_maps.Next(), std::optional<std::size_t>(0));
+  ASSERT_EQ(run_maps.Next(), std::optional<RunMapIndex>(0));
   run_maps.SetAside(0);
-  ASSERT_EQ(run_maps.Next(), std::optional<std::size_t>(1));
+  ASSERT_EQ(run_maps.Next(), std::optional<RunMapIndex>(1));
   run_maps.SetAside(1);
   ASSERT_EQ(run_maps.Next(), std::nullopt);
   build.modes[1].clear();
   build.modes[2].clear();
   run_maps.Recount(build);
-  EXPECT_EQ(run_maps.Next(), std::optional<std::size_t>(1));
+  EXPECT_EQ(run_maps.Next(), std::optional<RunMapIndex>(1));
 }
 
 TEST(WaitingRunMaps, TheOrderOfPlacesDoesNotDependOnTheOrderOfRunMaps) {
   // All shared counts differ: run map i has 3 + i groups, all of them in the map.
   std::mt19937_64 random(testing::TestSeed(93));
-  std::vector<std::set<int>> groups = RandomGroups(12, random);
+  GroupSets groups = RandomGroups(12, random);
   BuildState build;
   build.modes.resize(kGroups);
   for (const std::set<int>& of_run_map : groups) AddToMap(of_run_map, &build);
   const auto order = [&] {
     WaitingRunMaps run_maps = Waiting(groups, build);
     std::vector<std::set<int>> taken;
-    while (const std::optional<std::size_t> next = run_maps.Next()) {
+    while (const std::optional<RunMapIndex> next = run_maps.Next()) {
       taken.push_back(groups[*next]);
       run_maps.Take(*next);
       run_maps.Update(*next, build);
