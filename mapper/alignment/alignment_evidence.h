@@ -87,6 +87,7 @@ class AlignmentEvidence {
   /// @param cov_r  Of r had it stayed. [m²]
   double LogMovedBy(const Eigen::Vector2d& r, const Eigen::Matrix2d& cov_r) const;
 
+  const MovePrior& prior() const { return prior_; }
   double log_area() const { return log_area_; }
   double log_anywhere() const { return log_anywhere_; }
   double LogAllAnywhere() const { return static_cast<double>(groups_.size()) * log_anywhere_; }

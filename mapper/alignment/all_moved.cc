@@ -35,8 +35,7 @@ struct Proposal {
 
 class AllMoved {
  public:
-  AllMoved(const AlignmentEvidence& evidence, const MovePrior& prior)
-      : e_(evidence), prior_(prior) {}
+  explicit AllMoved(const AlignmentEvidence& evidence) : e_(evidence) {}
 
   double LogDensity(const std::vector<SimilarityFit>& starts) const {
     constexpr int kDraws = 64;  // Of each.
@@ -112,14 +111,15 @@ class AllMoved {
                Eigen::Vector3d* gradient) const {
     const IndexRange<MatchIndex> matches = e_.MatchesOf(landmark);
     const int modes = matches.last - matches.first;
+    const MovePrior& prior = e_.prior();
     const double log_each =
-        std::log(prior_.near_share / static_cast<double>(prior_.near_sd_m.size()) / modes);
+        std::log(prior.near_share / static_cast<double>(prior.near_sd_m.size()) / modes);
     double total = e_.log_anywhere();
     const auto visit_all = [&](const auto& visit) {
       for (const MatchIndex k : matches) {
         const Eigen::Vector2d q = fit * e_.PositionInReference(k) - fit.centre_other;
         const Eigen::Vector2d r = e_.PositionInOther(k) - fit.centre_other - q;
-        for (const double sd : prior_.near_sd_m) {
+        for (const double sd : prior.near_sd_m) {
           const double variance = sd * sd + e_.Variance(k);
           visit(q,
                 r,
@@ -144,15 +144,13 @@ class AllMoved {
   }
 
   const AlignmentEvidence& e_;
-  const MovePrior& prior_;
 };
 
 }  // namespace
 
 double LogAllMovedSomeNear(const AlignmentEvidence& evidence,
-                           const MovePrior& prior,
                            const std::vector<SimilarityFit>& starts) {
-  return AllMoved(evidence, prior).LogDensity(starts);
+  return AllMoved(evidence).LogDensity(starts);
 }
 
 }  // namespace shiftmap

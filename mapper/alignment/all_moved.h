@@ -4,7 +4,6 @@
 #include <vector>
 
 #include "mapper/alignment/alignment_evidence.h"
-#include "mapper/alignment/move_prior.h"
 
 namespace shiftmap {
 
@@ -16,7 +15,6 @@ namespace shiftmap {
 /// Gaussians around where most moved little, which are sought from `starts`; without one that is
 /// minus infinity. Deterministic.
 double LogAllMovedSomeNear(const AlignmentEvidence& evidence,
-                           const MovePrior& prior,
                            const std::vector<SimilarityFit>& starts);
 
 }  // namespace shiftmap

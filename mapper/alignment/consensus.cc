@@ -236,12 +236,8 @@ class Consensus {
     alignment.variance_m2 = fit.variance;
     alignment.variance_rad2 = 1.0 / fit.spread;
     for (const LandmarkIndex group : groups_.indices()) {
-      if (!best_.support[group]) continue;
-      const Correspondence& match = matches_[*best_.support[group]];
-      alignment.signatures.push_back(groups_[group]);
-      alignment.rms_m += (fit * match.other - match.reference).squaredNorm();
+      if (best_.support[group]) alignment.signatures.push_back(groups_[group]);
     }
-    alignment.rms_m = std::sqrt(alignment.rms_m / best_.count);
     return alignment;
   }
 

@@ -67,7 +67,6 @@ struct AlignmentOptions {
 struct Alignment {
   Se2 T_reference_other;
   std::vector<GroupIndex> signatures;  ///< Groups that agree, ascending.
-  double rms_m = 0.0;                  ///< Of the agreeing positions.
 
   /// Where the agreeing positions lie in the reference frame, and how well they hold the alignment.
   Eigen::Vector2d centroid = Eigen::Vector2d::Zero();  ///< [m]

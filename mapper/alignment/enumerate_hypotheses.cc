@@ -34,12 +34,11 @@ double LogBodies(const MovedBodies& none, const MatchSet& stayed, const std::vec
 
 }  // namespace
 
-std::vector<Hypothesis> EnumerateHypotheses(const AlignmentEvidence& evidence,
-                                            const MovePrior& prior) {
+std::vector<Hypothesis> EnumerateHypotheses(const AlignmentEvidence& evidence) {
   const std::size_t landmarks = evidence.groups().size();
   SHIFTMAP_CHECK(landmarks <= kMaxLandmarks && evidence.matches().size() == landmarks,
                  "too many sets");
-  const RigidBodies rigid(evidence, prior);
+  const RigidBodies rigid(evidence);
   std::vector<std::pair<MatchSet, SetScore>> sets;
   std::vector<Body> bodies;
   double best = kLogZero;
@@ -48,7 +47,7 @@ std::vector<Hypothesis> EnumerateHypotheses(const AlignmentEvidence& evidence,
     const int count = set.Count();
     if (count < 2) continue;
     SetScore score = evidence.Score(set);
-    const bool may_be_body = prior.group_share > 0.0 && count >= RigidBodies::kMinSize;
+    const bool may_be_body = evidence.prior().group_share > 0.0 && count >= RigidBodies::kMinSize;
     if (may_be_body && score.log_evidence + rigid.LogProbability(set) >
                            count * evidence.log_anywhere() - kNegligibleSet) {
       bodies.push_back({set, score.fit, score.log_evidence, rigid.ScatteredShare(set)});
@@ -57,14 +56,14 @@ std::vector<Hypothesis> EnumerateHypotheses(const AlignmentEvidence& evidence,
     if (score.log_score > best - kNegligibleSet) sets.emplace_back(set, std::move(score));
   }
   std::vector<Hypothesis> found;
-  for (const Hypothesis& hypothesis : SearchHypotheses(evidence, prior, {})) {
+  for (const Hypothesis& hypothesis : SearchHypotheses(evidence, {})) {
     if (hypothesis.stayed.empty()) found.push_back(hypothesis);
   }
   for (auto& [set, score] : sets) {
     const StayedLandmarks stayed{set, &score.fit, std::move(score.log_moved)};
     const double log_score = score.log_score - evidence.LogStaying(set.Count()) +
-                             LogBodies(MovedBodies(evidence, prior, rigid, stayed), set, bodies);
-    found.push_back({set, {}, score.fit, log_score, 0.0});
+                             LogBodies(MovedBodies(evidence, rigid, stayed), set, bodies);
+    found.push_back({set, score.fit, log_score, 0.0});
   }
   NormalizeAndSort(&found);
   return found;

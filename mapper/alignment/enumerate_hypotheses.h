@@ -5,7 +5,6 @@
 
 #include "mapper/alignment/alignment_evidence.h"
 #include "mapper/alignment/explanation_search.h"
-#include "mapper/alignment/move_prior.h"
 
 namespace shiftmap {
 
@@ -14,7 +13,6 @@ namespace shiftmap {
 /// bodies that are less likely by 30 nats than others are left out. Time grows as 2^landmarks.
 ///
 /// Precondition: at most 20 landmarks, each of one mode.
-std::vector<Hypothesis> EnumerateHypotheses(const AlignmentEvidence& evidence,
-                                            const MovePrior& prior);
+std::vector<Hypothesis> EnumerateHypotheses(const AlignmentEvidence& evidence);
 
 }  // namespace shiftmap

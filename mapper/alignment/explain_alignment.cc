@@ -118,11 +118,6 @@ Alignment ToReference(const AlignmentEvidence& evidence, const Hypothesis& hypot
   alignment.centroid = fit.centre_reference;
   alignment.variance_m2 = 0.5 * fit.covariance.topLeftCorner<2, 2>().trace();
   alignment.variance_rad2 = fit.covariance(2, 2);
-  double squared = 0.0;
-  for (const MatchIndex k : hypothesis.stayed.Members()) {
-    squared += (evidence.PositionInOther(k) - fit * evidence.PositionInReference(k)).squaredNorm();
-  }
-  alignment.rms_m = std::sqrt(squared / hypothesis.stayed.Count());
   return alignment;
 }
 
@@ -130,7 +125,6 @@ Explanation Describe(const AlignmentEvidence& evidence, const Frame& frame) {
   Explanation explanation =
       DescribeFrame(frame.sets, GroupsOf(evidence, frame.best->stayed), evidence.groups());
   if (!frame.best->stayed.empty()) explanation.alignment = ToReference(evidence, *frame.best);
-  explanation.together = GroupsOf(evidence, frame.best->together);
   for (const MatchIndex k : frame.best->stayed.Members()) {
     explanation.stayed.push_back(evidence.matches()[k]);
   }
@@ -156,7 +150,7 @@ std::optional<Explanations> Explain(const JointPoints& reference,
                                     const ExplanationLimits& limits) {
   const AlignmentEvidence evidence(reference, other, area_m2, prior);
   if (evidence.matches().size() > kMaxMatches || evidence.groups().size() < 2) return std::nullopt;
-  return SumToExplanations(evidence, SearchHypotheses(evidence, prior, limits), limits);
+  return SumToExplanations(evidence, SearchHypotheses(evidence, limits), limits);
 }
 
 }  // namespace shiftmap

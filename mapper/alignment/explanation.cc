@@ -68,9 +68,6 @@ Explanations BySets(const Explanation& frame) {
 Explanations DescribeFrames(std::vector<Explanation> frames) {
   std::ranges::stable_sort(frames, std::greater(), &Explanation::probability);
   Explanations explanations;
-  for (const Explanation& frame : frames) {
-    if (frame.nothing_stayed()) explanations.nothing_stayed = frame.probability;
-  }
   if (frames.size() > 1) explanations.deciding = Deciding(frames[0], frames[1]);
   explanations.frames = std::move(frames);
   return explanations;

@@ -31,9 +31,7 @@ struct Explanation {
   Alignment alignment;        ///< Its signatures are those that stayed; none: fewer than two did.
   std::vector<Match> stayed;  ///< What stayed where.
   std::vector<GroupIndex> moved;  ///< Groups of which nothing stayed, ascending.
-  std::vector<GroupIndex>
-      together;  ///< Of these, those of the likeliest body, if one is likelier than none.
-  double probability = 0.0;  ///< Of the frame, over all sets of landmarks that lead to it.
+  double probability = 0.0;       ///< Of the frame, over all sets of landmarks that lead to it.
 
   StayedPosterior given;  ///< Over the sets that lead to it.
 
@@ -48,8 +46,6 @@ struct Explanations {
   /// Groups that stayed in one of the two most likely frames and moved in the other: another run
   /// past them decides.
   std::vector<GroupIndex> deciding;
-
-  double nothing_stayed = 0.0;  ///< Probability that fewer than two landmarks stayed.
 };
 
 /// Sets of groups that stayed, ascending, with their probabilities.

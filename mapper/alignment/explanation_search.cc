@@ -28,13 +28,10 @@ constexpr std::size_t kMaxBodies = 6;
 
 class ExplanationSearch {
  public:
-  ExplanationSearch(const AlignmentEvidence& evidence,
-                    const MovePrior& prior,
-                    const ExplanationLimits& limits)
+  ExplanationSearch(const AlignmentEvidence& evidence, const ExplanationLimits& limits)
       : e_(evidence),
-        prior_(prior),
         limits_(limits),
-        rigid_(evidence, prior),
+        rigid_(evidence),
         many_(evidence.matches().size() > kManyMatches) {}
 
   std::vector<Hypothesis> Find() {
@@ -43,7 +40,7 @@ class ExplanationSearch {
     KeepLikeliestMaxima();
     std::vector<Hypothesis> found = {NothingStayed()};
     for (const auto& [stayed, score] : scores_) {
-      found.push_back({stayed, {}, score.fit, score.log_score, 0.0});
+      found.push_back({stayed, score.fit, score.log_score, 0.0});
     }
     const double first = Best();
     for (Hypothesis& hypothesis : found) {
@@ -54,8 +51,7 @@ class ExplanationSearch {
         hypothesis.log_score =
             singly + (is_likely ? LogBodies({hypothesis.stayed,
                                              &hypothesis.fit,
-                                             scores_.at(hypothesis.stayed).log_moved},
-                                            &hypothesis.together)
+                                             scores_.at(hypothesis.stayed).log_moved})
                                 : rigid_.LogStaying(hypothesis.stayed, {}));
       }
     }
@@ -85,7 +81,7 @@ class ExplanationSearch {
     const double a = (e_.PositionInReference(j) - e_.PositionInReference(k)).norm();
     const double b = (e_.PositionInOther(j) - e_.PositionInOther(k)).norm();
     const double variance =
-        2.0 * (e_.Variance(j) + e_.Variance(k)) + std::pow(prior_.sd_scale * a, 2);
+        2.0 * (e_.Variance(j) + e_.Variance(k)) + std::pow(e_.prior().sd_scale * a, 2);
     return (a - b) * (a - b) <= kPairGate * kPairGate * variance;
   }
 
@@ -216,14 +212,13 @@ class ExplanationSearch {
   // log of the prior that just these stayed, with how much likelier it makes the positions of the
   // others that some of them moved as bodies: none or several. Beside all but the likeliest no
   // further one is looked for.
-  // @param together  The likeliest body if that is likelier than none. May be null.
-  double LogBodies(const StayedLandmarks& stayed, MatchSet* together) {
+  double LogBodies(const StayedLandmarks& stayed) {
     constexpr double kRejected = 12.0;  // [nats]
-    MovedBodies moved(e_, prior_, rigid_, stayed);
+    MovedBodies moved(e_, rigid_, stayed);
     MatchSet taken = stayed.matches;
     double present = moved.LogScore();
     double total = present;
-    if (prior_.group_share <= 0.0) return total;
+    if (e_.prior().group_share <= 0.0) return total;
     while (moved.matches().size() < kMaxBodies) {
       double best = kLogZero;
       std::optional<MovedBodies> likeliest;
@@ -239,7 +234,6 @@ class ExplanationSearch {
       const bool first = moved.matches().empty();
       if (best < present - (first ? kRejected : 0.0)) break;
       moved = *std::move(likeliest);
-      if (together != nullptr && first && best > present) *together = moved.matches().front();
       present = best;
       taken = taken | moved.matches().back();
     }
@@ -249,12 +243,12 @@ class ExplanationSearch {
   // Fewer than two landmarks stayed: all are anywhere, or near where they were under some
   // transform, or some moved together.
   Hypothesis NothingStayed() {
-    const double near = LogAllMovedSomeNear(e_, prior_, LikeliestFits()) + rigid_.LogAllMoved({});
+    const double near = LogAllMovedSomeNear(e_, LikeliestFits()) + rigid_.LogAllMoved({});
     StayedLandmarks none;
     none.log_moved.assign(e_.groups().size(), e_.log_anywhere());
-    const double bodies = e_.LogAllAnywhere() + LogBodies(none, nullptr);
+    const double bodies = e_.LogAllAnywhere() + LogBodies(none);
     Hypothesis nothing;
-    nothing.log_score = LogAdd(near, bodies) + std::log(prior_.none_stayed);
+    nothing.log_score = LogAdd(near, bodies) + std::log(e_.prior().none_stayed);
     return nothing;
   }
 
@@ -272,7 +266,6 @@ class ExplanationSearch {
   }
 
   const AlignmentEvidence& e_;
-  const MovePrior& prior_;
   const ExplanationLimits& limits_;
   RigidBodies rigid_;
   bool many_;                            // Matches.
@@ -296,9 +289,8 @@ void NormalizeAndSort(std::vector<Hypothesis>* hypotheses) {
 }
 
 std::vector<Hypothesis> SearchHypotheses(const AlignmentEvidence& evidence,
-                                         const MovePrior& prior,
                                          const ExplanationLimits& limits) {
-  return ExplanationSearch(evidence, prior, limits).Find();
+  return ExplanationSearch(evidence, limits).Find();
 }
 
 }  // namespace shiftmap

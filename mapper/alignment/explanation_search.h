@@ -4,7 +4,6 @@
 #include <vector>
 
 #include "mapper/alignment/alignment_evidence.h"
-#include "mapper/alignment/move_prior.h"
 
 namespace shiftmap {
 
@@ -22,8 +21,7 @@ struct ExplanationLimits {
 
 /// A set of landmarks that stayed, or that fewer than two did.
 struct Hypothesis {
-  MatchSet stayed;    ///< Empty: fewer than two stayed, and there is no transform.
-  MatchSet together;  ///< Of the others, those that moved together, if that is more likely.
+  MatchSet stayed;  ///< Empty: fewer than two stayed, and there is no transform.
   SimilarityFit fit;
   double log_score = 0.0;
   double probability = 0.0;
@@ -38,7 +36,6 @@ void NormalizeAndSort(std::vector<Hypothesis>* hypotheses);
 ///
 /// Precondition: kMaxMatches matches at most.
 std::vector<Hypothesis> SearchHypotheses(const AlignmentEvidence& evidence,
-                                         const MovePrior& prior,
                                          const ExplanationLimits& limits);
 
 }  // namespace shiftmap

@@ -49,8 +49,9 @@ MovedBodies MovedBodies::With(const Body& body) const {
   more.log_went_.push_back(LogWent(body));
   double log_went = more.log_went_.back();
   if (!bodies_.empty() && stayed_->fit != nullptr) {
-    const double log_each = std::log(prior_->exchange_share / static_cast<double>(bodies_.size()));
-    log_went += std::log1p(-prior_->exchange_share);
+    const double log_each =
+        std::log(e_->prior().exchange_share / static_cast<double>(bodies_.size()));
+    log_went += std::log1p(-e_->prior().exchange_share);
     for (std::size_t i = 0; i < bodies_.size(); ++i) {
       // A scattered body has no place that another could take.
       const double log_both = std::log1p(-body.scattered) + std::log1p(-bodies_[i]->scattered);

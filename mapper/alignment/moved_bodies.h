@@ -4,7 +4,6 @@
 #include <vector>
 
 #include "mapper/alignment/alignment_evidence.h"
-#include "mapper/alignment/move_prior.h"
 #include "mapper/alignment/rigid_bodies.h"
 
 namespace shiftmap {
@@ -27,15 +26,14 @@ struct StayedLandmarks {
 
 /// Bodies that moved, beside what stayed.
 ///
-/// `evidence`, `prior`, `rigid`, `stayed` and the bodies must outlive it.
+/// `evidence`, `rigid`, `stayed` and the bodies must outlive it.
 class MovedBodies {
  public:
   /// None.
   MovedBodies(const AlignmentEvidence& evidence,
-              const MovePrior& prior,
               const RigidBodies& rigid,
               const StayedLandmarks& stayed)
-      : e_(&evidence), prior_(&prior), rigid_(&rigid), stayed_(&stayed) {}
+      : e_(&evidence), rigid_(&rigid), stayed_(&stayed) {}
 
   /// These, and one more of other landmarks. Where two bodies changed places, the move of the
   /// second is the inverse of that of the first.
@@ -52,7 +50,6 @@ class MovedBodies {
   double LogExchanged(const Body& a, const Body& b) const;
 
   const AlignmentEvidence* e_;
-  const MovePrior* prior_;
   const RigidBodies* rigid_;
   const StayedLandmarks* stayed_;
   std::vector<MatchSet> matches_;

@@ -61,9 +61,11 @@ class StayingPolynomial {
 
 }  // namespace
 
-RigidBodies::RigidBodies(const AlignmentEvidence& evidence, const MovePrior& prior)
-    : e_(evidence), prior_(prior), landmarks_(static_cast<int>(evidence.groups().size())) {
-  if (prior.group_share > 0.0) FindClusters();
+RigidBodies::RigidBodies(const AlignmentEvidence& evidence)
+    : e_(evidence),
+      prior_(evidence.prior()),
+      landmarks_(static_cast<int>(evidence.groups().size())) {
+  if (prior_.group_share > 0.0) FindClusters();
   for (const MatchSet& cluster : clusters_) log_probabilities_.push_back(LogProbability(cluster));
 }
 

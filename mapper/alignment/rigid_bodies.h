@@ -4,20 +4,19 @@
 #include <vector>
 
 #include "mapper/alignment/alignment_evidence.h"
-#include "mapper/alignment/move_prior.h"
 
 namespace shiftmap {
 
 /// Landmarks that stand on one rigid body, a rack for instance: where they stand close together in
 /// the reference says so before anything moves (mapper/METHOD.md, 6).
 ///
-/// Threads: const-safe. `evidence` and `prior` must outlive it.
+/// Threads: const-safe. `evidence` must outlive it.
 class RigidBodies {
  public:
   /// Fewer matches do not show that they moved together: any two landmarks and any transform agree.
   static constexpr int kMinSize = 3;
 
-  RigidBodies(const AlignmentEvidence& evidence, const MovePrior& prior);
+  explicit RigidBodies(const AlignmentEvidence& evidence);
 
   /// Sets of landmarks that are likely to be one body each, disjoint.
   const std::vector<MatchSet>& clusters() const { return clusters_; }

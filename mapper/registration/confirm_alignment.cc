@@ -76,7 +76,7 @@ bool MostAgree(const ConfirmationOptions& options,
   std::set<GroupIndex> common(evidence.groups().begin(), evidence.groups().end());
   std::set<GroupIndex> agreeing(consensus->signatures.begin(), consensus->signatures.end());
   if (evidence.matches().size() <= kMaxMatches) {
-    const RigidBodies rigid(evidence, options.prior);
+    const RigidBodies rigid(evidence);
     for (const MatchSet& body : rigid.clusters()) {
       KeepOne(evidence, body, &common);
       KeepOne(evidence, body, &agreeing);

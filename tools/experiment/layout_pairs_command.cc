@@ -129,13 +129,12 @@ void AddPair(const LayoutRun& reference, const LayoutRun& other, ResultTable* ta
       reference,
       other,
       tolerance_m,
-      SumToExplanations(
-          evidence, SearchHypotheses(evidence, options.prior, options.limits), options.limits));
-  const PairResult all = Judge(
-      reference,
-      other,
-      tolerance_m,
-      SumToExplanations(evidence, EnumerateHypotheses(evidence, options.prior), options.limits));
+      SumToExplanations(evidence, SearchHypotheses(evidence, options.limits), options.limits));
+  const PairResult all =
+      Judge(reference,
+            other,
+            tolerance_m,
+            SumToExplanations(evidence, EnumerateHypotheses(evidence), options.limits));
   table->AddRow({reference.name,
                  other.name,
                  static_cast<double>(evidence.groups().size()),

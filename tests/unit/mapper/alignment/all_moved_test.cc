@@ -72,7 +72,7 @@ class AllMovedTest : public testing::Test {
 
 TEST_F(AllMovedTest, IsTheIntegralOverTheTransform) {
   const double expected = LogSumOverGrid();
-  EXPECT_NEAR(LogAllMovedSomeNear(evidence_, prior_, starts_), expected, 0.2);
+  EXPECT_NEAR(LogAllMovedSomeNear(evidence_, starts_), expected, 0.2);
 }
 
 // Where one landmark is near, any turn about it is as good: draws are from more than a whole turn.
@@ -83,11 +83,11 @@ TEST_F(AllMovedTest, AStartThatDoesNotTellTheHeadingAddsNothing) {
     start.yaw_rad = yaw_rad;
     start.centre_other = evidence_.PositionInOther(4) - start * evidence_.PositionInReference(4);
   }
-  EXPECT_NEAR(LogAllMovedSomeNear(evidence_, prior_, starts), LogSumOverGrid(), 0.2);
+  EXPECT_NEAR(LogAllMovedSomeNear(evidence_, starts), LogSumOverGrid(), 0.2);
 }
 
 TEST_F(AllMovedTest, WithoutAStartNoneIsNear) {
-  EXPECT_EQ(LogAllMovedSomeNear(evidence_, prior_, {}), -std::numeric_limits<double>::infinity());
+  EXPECT_EQ(LogAllMovedSomeNear(evidence_, {}), -std::numeric_limits<double>::infinity());
 }
 
 }  // namespace

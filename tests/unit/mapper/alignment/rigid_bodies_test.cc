@@ -68,7 +68,7 @@ double SumOfPrior(const AlignmentEvidence& evidence,
 TEST(RigidBodiesTest, LandmarksThatStandCloseTogetherAreABody) {
   const Site site(Together(kApart, kRack));
   const AlignmentEvidence evidence = site.Evidence();
-  const RigidBodies rigid(evidence, site.prior());
+  const RigidBodies rigid(evidence);
   EXPECT_THAT(rigid.clusters(), ElementsAre(MatchSet::OfBits(0b11110000)));
   EXPECT_GT(rigid.LogProbability(MatchSet::OfBits(0b11110000)), std::log(0.8));
   EXPECT_LT(rigid.LogProbability(MatchSet::OfBits(0b00001111)), std::log(2e-5));
@@ -78,7 +78,7 @@ TEST(RigidBodiesTest, LandmarksThatStandCloseTogetherAreABody) {
 TEST(RigidBodiesTest, WithoutBodiesThePriorIsThatOfSingleLandmarks) {
   const Site site(kApart);
   const AlignmentEvidence evidence = site.Evidence();
-  const RigidBodies rigid(evidence, site.prior());
+  const RigidBodies rigid(evidence);
   ASSERT_THAT(rigid.clusters(), IsEmpty());
   for (const std::uint64_t bits : {0b0011U, 0b0111U, 0b1111U}) {
     const MatchSet stayed = MatchSet::OfBits(bits);
@@ -90,7 +90,7 @@ TEST(RigidBodiesTest, WithoutBodiesThePriorIsThatOfSingleLandmarks) {
 TEST(RigidBodiesTest, ThePriorOfABodyThatStaysMovesOrFallsApartIsAboutOne) {
   const Site site(Together(kApart, kRack));
   const AlignmentEvidence evidence = site.Evidence();
-  const RigidBodies rigid(evidence, site.prior());
+  const RigidBodies rigid(evidence);
   ASSERT_THAT(rigid.clusters(), SizeIs(1));
   EXPECT_NEAR(SumOfPrior(evidence, rigid, rigid.clusters()), 1.0, 0.1);
 }
@@ -99,7 +99,7 @@ TEST(RigidBodiesTest, ThePriorOfABodyThatStaysMovesOrFallsApartIsAboutOne) {
 TEST(RigidBodiesTest, ARackThatStaysIsOneThingThatStays) {
   const Site site(Together(kApart, kRack));
   const AlignmentEvidence evidence = site.Evidence();
-  const RigidBodies rigid(evidence, site.prior());
+  const RigidBodies rigid(evidence);
   const double rack = rigid.LogStaying(MatchSet::OfBits(0b11110001), {});
   const double others = rigid.LogStaying(MatchSet::OfBits(0b00000011), rigid.clusters());
   EXPECT_NEAR(rack, others, 0.2);
