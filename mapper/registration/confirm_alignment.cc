@@ -64,17 +64,25 @@ void KeepOne(const AlignmentEvidence& evidence,
 
 }  // namespace
 
-bool MostAgree(const ConfirmationOptions& options,
-               const AlignmentPoints& reference,
-               double area_m2,
-               const RunMap& run_map,
-               const std::optional<Alignment>& consensus) {
-  if (!consensus) return false;
-  const JointPoints of_reference{reference, {}};
-  const JointPoints of_run_map{run_map.points, {}};
-  const AlignmentEvidence evidence(of_reference, of_run_map, area_m2, options.prior);
+ConsensusPlace::ConsensusPlace(const MapperOptions& options,
+                               const AlignmentPoints& reference,
+                               double area_m2,
+                               const RunMap& run_map,
+                               const std::optional<Alignment>& consensus)
+    : options_(options),
+      reference_(reference),
+      area_m2_(area_m2),
+      run_map_(run_map),
+      consensus_(consensus),
+      most_agree_(consensus && MostAgree()) {}
+
+bool ConsensusPlace::MostAgree() const {
+  const ConfirmationOptions& options = options_.confirmation;
+  const JointPoints reference{reference_, {}};
+  const JointPoints run_map{run_map_.points, {}};
+  const AlignmentEvidence evidence(reference, run_map, area_m2_, options.prior);
   std::set<GroupIndex> common(evidence.groups().begin(), evidence.groups().end());
-  std::set<GroupIndex> agreeing(consensus->signatures.begin(), consensus->signatures.end());
+  std::set<GroupIndex> agreeing(consensus_->signatures.begin(), consensus_->signatures.end());
   if (evidence.matches().size() <= kMaxMatches) {
     const RigidBodies rigid(evidence);
     for (const MatchSet& body : rigid.clusters()) {
@@ -87,18 +95,30 @@ bool MostAgree(const ConfirmationOptions& options,
              options.min_share * static_cast<double>(common.size());
 }
 
-bool NeedsConfirmation(const MapperOptions& options,
-                       const AlignmentPoints& reference,
-                       double area_m2,
-                       const RunMap& run_map,
-                       const std::optional<Alignment>& consensus,
-                       bool most_agree) {
-  if (!most_agree) return true;
-  if (!IsStiff(run_map)) return false;
-  AlignmentPoints others = run_map.points;
+bool ConsensusPlace::NeedsConfirmation() const {
+  if (!most_agree_) return true;
+  if (!IsStiff(run_map_)) return false;
+  AlignmentPoints others = run_map_.points;
   std::erase_if(others,
-                [&](const AlignmentPoint& point) { return consensus->Agrees(point.group); });
-  return AlignByConsensus(reference, others, area_m2, options.alignment).has_value();
+                [&](const AlignmentPoint& point) { return consensus_->Agrees(point.group); });
+  return AlignByConsensus(reference_, others, area_m2_, options_.alignment).has_value();
+}
+
+bool ConsensusPlace::Is(const Alignment& other) const {
+  if (!consensus_) return false;
+  return std::all_of(
+      run_map_.points.begin(), run_map_.points.end(), [&](const AlignmentPoint& point) {
+        return (consensus_->T_reference_other * point.position -
+                other.T_reference_other * point.position)
+                   .norm() < options_.confirmation.limits.same_frame_m;
+      });
+}
+
+bool ConsensusPlace::Decides(const Explanation& best) const {
+  const ConfirmationOptions& options = options_.confirmation;
+  if (best.nothing_stayed()) return false;
+  const bool most = most_agree_ && Is(best.alignment);
+  return best.probability >= (most ? options.min_probability_of_most : options.min_probability);
 }
 
 std::optional<Explanations> ExplainRunMap(const MapperOptions& options,
@@ -123,27 +143,6 @@ std::optional<Explanations> ExplainRunMap(const MapperOptions& options,
     for (Match& match : frame.stayed) match.reference = modes[match.reference];
   }
   return explanations;
-}
-
-bool IsSamePlace(const ConfirmationOptions& options,
-                 const RunMap& run_map,
-                 const Alignment& one,
-                 const Alignment& other) {
-  return std::all_of(
-      run_map.points.begin(), run_map.points.end(), [&](const AlignmentPoint& point) {
-        return (one.T_reference_other * point.position - other.T_reference_other * point.position)
-                   .norm() < options.limits.same_frame_m;
-      });
-}
-
-bool IsDecided(const ConfirmationOptions& options,
-               const RunMap& run_map,
-               const std::optional<Alignment>& consensus,
-               bool most_agree,
-               const Explanation& best) {
-  if (best.nothing_stayed()) return false;
-  const bool most = most_agree && IsSamePlace(options, run_map, best.alignment, *consensus);
-  return best.probability >= (most ? options.min_probability_of_most : options.min_probability);
 }
 
 }  // namespace shiftmap

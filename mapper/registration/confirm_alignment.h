@@ -11,29 +11,45 @@
 
 namespace shiftmap {
 
-/// Whether more than few landmarks agree in a consensus (ConfirmationOptions). Those of one body
-/// count as one: a rack that was moved agrees with itself.
-/// @param reference  Modes of the map.
-/// @param area_m2    That the map takes. [m²]
-/// @param consensus  Nothing, in which none agrees, if there is none.
-bool MostAgree(const ConfirmationOptions& options,
-               const AlignmentPoints& reference,
-               double area_m2,
-               const RunMap& run_map,
-               const std::optional<Alignment>& consensus);
+/// The place of a run map by a consensus, and whether it can be trusted.
+///
+/// All arguments must outlive it.
+class ConsensusPlace {
+ public:
+  /// @param reference  Modes of the map.
+  /// @param area_m2    That the map takes. [m²]
+  /// @param consensus  Nothing if there is none.
+  ConsensusPlace(const MapperOptions& options,
+                 const AlignmentPoints& reference,
+                 double area_m2,
+                 const RunMap& run_map,
+                 const std::optional<Alignment>& consensus);
 
-/// Whether another place may explain a run map as well as that of a consensus: few landmarks agree,
-/// or others agree at another place. Of a run map that is not stiff (IsStiff) the latter says
-/// nothing: it differs from the map by more than its covariance knows.
-/// @param reference   Modes of the map.
-/// @param area_m2     That the map takes. [m²]
-/// @param most_agree  MostAgree() of the consensus.
-bool NeedsConfirmation(const MapperOptions& options,
-                       const AlignmentPoints& reference,
-                       double area_m2,
-                       const RunMap& run_map,
-                       const std::optional<Alignment>& consensus,
-                       bool most_agree);
+  /// Whether more than few landmarks agree (ConfirmationOptions). Those of one body count as one: a
+  /// rack that was moved agrees with itself.
+  bool most_agree() const { return most_agree_; }
+
+  /// Whether another place may explain the run map as well: few landmarks agree, or others agree at
+  /// another place. Of a run map that is not stiff (IsStiff) the latter says nothing: it differs
+  /// from the map by more than its covariance knows.
+  bool NeedsConfirmation() const;
+
+  /// Whether another alignment is about this place (ExplanationLimits::same_frame_m).
+  bool Is(const Alignment& other) const;
+
+  /// Whether the likeliest explanation is so probable that it is decided for (ConfirmationOptions).
+  bool Decides(const Explanation& best) const;
+
+ private:
+  bool MostAgree() const;
+
+  const MapperOptions& options_;
+  const AlignmentPoints& reference_;
+  double area_m2_;
+  const RunMap& run_map_;
+  const std::optional<Alignment>& consensus_;
+  bool most_agree_;
+};
 
 /// Where a run map lies in the map, by the joint covariances of both (Explain). A map that is
 /// solved from runs has the variance factor that these show, and so has the run map; of a prior
@@ -50,20 +66,5 @@ std::optional<Explanations> ExplainRunMap(const MapperOptions& options,
                                           const BuildState& build,
                                           double area_m2,
                                           const RunMap& run_map);
-
-/// Whether two alignments place a run map about alike (ExplanationLimits::same_frame_m).
-bool IsSamePlace(const ConfirmationOptions& options,
-                 const RunMap& run_map,
-                 const Alignment& one,
-                 const Alignment& other);
-
-/// Whether an explanation is so probable that it is decided for (ConfirmationOptions).
-/// @param most_agree  MostAgree() of the consensus.
-/// @param best        The likeliest one.
-bool IsDecided(const ConfirmationOptions& options,
-               const RunMap& run_map,
-               const std::optional<Alignment>& consensus,
-               bool most_agree,
-               const Explanation& best);
 
 }  // namespace shiftmap

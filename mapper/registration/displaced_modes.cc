@@ -91,7 +91,7 @@ std::vector<Displacement> DisplacementsOf(
 DisplacedModes Decide(const MapperOptions& options,
                       const JointCovariance& prior_covariance,
                       const BuildState& map,
-                      const IndexedVector<ModeIndex, ModeMatch>& matches,
+                      const ModeMatches& matches,
                       const IndexedVector<ModeIndex, Eigen::Vector2d>& positions,
                       const Eigen::MatrixXd& run_cov) {
   DisplacedModes decided{ModeFlags(matches.size()), {}};
@@ -132,8 +132,7 @@ DisplacedModes Decide(const MapperOptions& options,
 }
 
 // Modes of the run map that still are modes of the prior.
-KnownModes Undisplaced(const IndexedVector<ModeIndex, ModeMatch>& matches,
-                       const ModeFlags& displaced) {
+KnownModes Undisplaced(const ModeMatches& matches, const ModeFlags& displaced) {
   KnownModes known(matches.size());
   for (const ModeIndex i : matches.indices()) {
     if (matches[i].is_prior && !displaced[i]) known[i] = matches[i].nearest.mode;
@@ -208,7 +207,7 @@ DisplacedModes FindDisplacedModes(const MapperOptions& options,
   if (!IsStiff(*run_map)) {
     known = FitDeformedRunMap(options, map, Places(alignment, run_map->build), run_map);
   } else {
-    const IndexedVector<ModeIndex, ModeMatch> matches = MatchNearest(run_map->build, map);
+    const ModeMatches matches = MatchNearest(run_map->build, map);
     decided = Decide(options,
                      prior_covariance,
                      map,
@@ -226,7 +225,7 @@ DisplacedModes FindDisplacedModes(const MapperOptions& options,
   for (int round = 0; round < kMaxRounds; ++round) {
     const std::vector<GraphPrior> held = HoldKnown(options, map, known, *run_map);
     Deform(deformation, held, kDeformationSteps, run_map);
-    const IndexedVector<ModeIndex, ModeMatch> matches = MatchNearest(run_map->build, map);
+    const ModeMatches matches = MatchNearest(run_map->build, map);
     if (std::optional<Eigen::MatrixXd> covariance = RunMapCovariance(options, &run_map->build)) {
       run_map->covariance = *std::move(covariance);
     }

@@ -40,7 +40,7 @@ std::optional<KeptAlternatives> KeepAlternatives(const StayedPosterior& frame,
                                                  double decided,
                                                  const ModeFlags& apart,
                                                  const RunMap& run_map,
-                                                 const IndexedVector<ModeIndex, ModeMatch>& matches,
+                                                 const ModeMatches& matches,
                                                  KnownModes* known) {
   const std::map<GroupIndex, double> stays(frame.stays.begin(), frame.stays.end());
   KeptAlternatives kept;

@@ -23,7 +23,7 @@ std::optional<KeptAlternatives> KeepAlternatives(const StayedPosterior& frame,
                                                  double decided,
                                                  const ModeFlags& apart,
                                                  const RunMap& run_map,
-                                                 const IndexedVector<ModeIndex, ModeMatch>& matches,
+                                                 const ModeMatches& matches,
                                                  KnownModes* known);
 
 /// Whether a probability is neither that of `decided` nor that of its opposite.

@@ -43,8 +43,8 @@ NearestMode FindNearest(const BuildState& map,
   return nearest;
 }
 
-IndexedVector<ModeIndex, ModeMatch> MatchNearest(const BuildState& run_map, const BuildState& map) {
-  IndexedVector<ModeIndex, ModeMatch> matches;
+ModeMatches MatchNearest(const BuildState& run_map, const BuildState& map) {
+  ModeMatches matches;
   for (const GroupIndex group : run_map.modes.indices()) {
     for (const BuildMode& mode : run_map.modes[group]) {
       ModeMatch& match = matches.emplace_back();

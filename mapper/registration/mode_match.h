@@ -65,8 +65,10 @@ struct ModeMatch {
   bool is_prior = false;  ///< It is one of the prior map.
 };
 
+using ModeMatches = IndexedVector<ModeIndex, ModeMatch>;
+
 /// All modes of a run map, in flat order.
 /// @param run_map  In the frame of the map.
-IndexedVector<ModeIndex, ModeMatch> MatchNearest(const BuildState& run_map, const BuildState& map);
+ModeMatches MatchNearest(const BuildState& run_map, const BuildState& map);
 
 }  // namespace shiftmap

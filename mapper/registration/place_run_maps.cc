@@ -19,8 +19,6 @@
 namespace shiftmap {
 namespace {
 
-using ModeMatches = IndexedVector<ModeIndex, ModeMatch>;
-
 // Which modes of an aligned run map are told apart from what they are nearest to.
 // @param deformed_by  The run map may be bent as this covariance says, and the map as much. Null:
 //                     the alignment is all that is uncertain.
@@ -159,14 +157,6 @@ void AddRunMap(const Recognized& recognized, RunMap run_map, BuildState* build) 
   }
 }
 
-void Reject(const RunMap& run_map, const std::string& why, std::vector<RejectedRun>* rejected) {
-  for (const BuildRun& run : run_map.build.runs) {
-    std::set<GroupIndex> seen;
-    for (const MappingVisit& visit : run.data->visits) seen.insert(visit.group);
-    rejected->push_back({run.data->name, fmt::format("{} ({} landmarks seen)", why, seen.size())});
-  }
-}
-
 std::string NotAligned(const RunMap& run_map) {
   const std::size_t runs = run_map.build.runs.size();
   if (runs == 1) return "no consistent alignment with the other runs";
@@ -177,9 +167,6 @@ std::string NotAligned(const RunMap& run_map) {
 // Runs that are placed before they are solved together for the first time. Then again whenever they
 // are twice as many: those to come are placed in a map that is right, at the cost of two solves.
 constexpr std::size_t kFirstJointSolve = 4;
-
-// The area that the map takes so far. [m²]
-double AreaOf(const BuildState& build) { return OccupiedArea(ModePositions(build)); }
 
 // Rotates a joint covariance of positions into another frame.
 void Rotate(const Eigen::Matrix2d& R, Eigen::MatrixXd* cov) {
@@ -210,27 +197,25 @@ std::optional<RunMapAlignment> Locate(const MapperOptions& options,
                                       const BuildState& build,
                                       const RunMap& run_map,
                                       std::optional<Explanations>* explanations) {
-  const double area_m2 = AreaOf(build);
+  const double area_m2 = OccupiedArea(ModePositions(build));
   std::optional<RunMapAlignment> aligned =
       AlignRunMap(reference, run_map, area_m2, options.alignment);
   if (!options.confirmation.enabled || IsDeformable(run_map)) return aligned;
-  const std::optional<Alignment> consensus =
-      aligned ? std::optional(aligned->alignment) : std::nullopt;
-  const bool most_agree = MostAgree(options.confirmation, reference, area_m2, run_map, consensus);
-  if (!NeedsConfirmation(options, reference, area_m2, run_map, consensus, most_agree))
-    return aligned;
+  std::optional<Alignment> consensus;
+  if (aligned) consensus = aligned->alignment;
+  const ConsensusPlace place(options, reference, area_m2, run_map, consensus);
+  if (!place.NeedsConfirmation()) return aligned;
   std::optional<Explanations> found = ExplainRunMap(options, prior, build, area_m2, run_map);
   if (!found) return aligned;
   const Explanation& best = found->best();
-  if (!IsDecided(options.confirmation, run_map, consensus, most_agree, best)) {
+  if (!place.Decides(best)) {
     if (aligned || !best.nothing_stayed()) *explanations = std::move(found);
     return std::nullopt;
   }
   // Where that is about the place of the consensus, the latter stays as it is.
-  const bool same =
-      consensus && IsSamePlace(options.confirmation, run_map, best.alignment, *consensus);
+  const bool same = place.Is(best.alignment);
   if (!same) aligned.emplace().alignment = best.alignment;
-  if (!same || !most_agree) {
+  if (!same || !place.most_agree()) {
     aligned->stayed = Stayed(best, run_map, build);
     aligned->given = best.given;
   }
@@ -255,94 +240,140 @@ std::optional<Explanations> Undecided(const MapperOptions& options, const Displa
   return std::nullopt;
 }
 
-// Places a run map that waits, if it aligns and nothing else explains it.
-void PlaceNext(const MapperOptions& options,
-               const std::optional<MapContent>& prior,
-               RunMapIndex next,
-               WaitingRunMaps* waiting,
-               BuildState* build,
-               std::vector<RejectedRun>* rejected) {
-  std::optional<Explanations> explanations;
-  const std::optional<RunMapAlignment> aligned = Locate(
-      options, prior, waiting->Reference(next, *build), *build, waiting->At(next), &explanations);
-  if (!aligned) {
-    waiting->SetAside(next, std::move(explanations));
-    return;
-  }
-  RunMap placed = waiting->At(next);
-  const Se2& T_map_run_map = aligned->alignment.T_reference_other;
-  MoveBuild(T_map_run_map, &placed.build);
-  Rotate(T_map_run_map.Rotation(), &placed.covariance);
-  std::optional<DisplacedModes> found;
-  if (prior && !aligned->stayed && !aligned->deformed) {
-    found = FindDisplacedModes(options, prior->covariance, *build, aligned->alignment, &placed);
-    explanations = Undecided(options, *found);
-    if (explanations) {
-      waiting->SetAside(next, std::move(explanations));
-      return;
-    }
-  }
-  waiting->Take(next);
-  const std::optional<Recognized> recognized = Recognize(options, *aligned, found, *build, &placed);
-  if (recognized) {
-    AddRunMap(*recognized, std::move(placed), build);
-  } else {
-    Reject(placed, kUnconstrainedReason, rejected);
-  }
-  waiting->Update(next, *build);
-}
-
-// Places what waits and aligns, the run map first that shares most signatures with what is there.
-void PlaceWaiting(const MapperOptions& options,
-                  const std::optional<MapContent>& prior,
-                  WaitingRunMaps* waiting,
-                  BuildState* build,
-                  std::vector<RejectedRun>* rejected,
-                  const StepCallback& on_step) {
-  std::size_t settled =
-      kFirstJointSolve / 2;  // Runs in the map when it was last solved as a whole.
-  while (true) {
-    const auto next = waiting->Next();
-    // One more try in the map as all its runs have it for what did not align so far.
-    const bool last_try = !next && settled >= kFirstJointSolve && settled < build->runs.size();
-    if (!next && (!last_try || waiting->Remaining().empty())) return;
-    if (on_step && !on_step(*build)) return;
-    if (last_try || build->runs.size() >= 2 * settled) {
-      UpdateModes(options, build, on_step);
-      settled = std::max(kFirstJointSolve / 2, build->runs.size());
-      waiting->Recount(*build);
-      continue;
-    }
-    PlaceNext(options, prior, *next, waiting, build, rejected);
-  }
-}
-
-// RunMaps that agree with each other, as a map of their own.
+// Run maps that agree with each other, as a map of their own.
 struct JointMap {
   BuildState build;
   RunMap first;  // As it was.
 };
 
-// Joins all that waits. Each map begins with the run map of most landmarks that is left.
-// @param nothing  A build without modes.
-std::vector<JointMap> Join(const MapperOptions& options,
-                           const BuildState& nothing,
-                           WaitingRunMaps* waiting,
-                           std::vector<RejectedRun>* rejected,
-                           const StepCallback& on_step) {
-  std::vector<JointMap> maps;
-  while (const std::optional<RunMapIndex> first = waiting->Largest()) {
-    JointMap map{nothing, waiting->At(*first)};
-    waiting->Recount(map.build);
-    const std::size_t modes = map.first.points.size();
-    AddRunMap({KnownModes(modes), ModeFlags(modes), {}}, waiting->Take(*first), &map.build);
-    waiting->Update(*first, map.build);
-    PlaceWaiting(options, std::nullopt, waiting, &map.build, rejected, on_step);
-    maps.push_back(std::move(map));
-    if (on_step && !on_step(maps.back().build)) break;
+class RunMapPlacing {
+ public:
+  RunMapPlacing(const MapperOptions& options,
+                const StepCallback& on_step,
+                std::vector<RejectedRun>* rejected)
+      : options_(options), on_step_(on_step), rejected_(rejected) {}
+
+  // Places what waits and aligns, the run map first that shares most signatures with what is there.
+  void PlaceWaiting(const std::optional<MapContent>& prior,
+                    WaitingRunMaps* waiting,
+                    BuildState* build) {
+    std::size_t settled =
+        kFirstJointSolve / 2;  // Runs in the map when it was last solved as a whole.
+    while (true) {
+      const auto next = waiting->Next();
+      // One more try in the map as all its runs have it for what did not align so far.
+      const bool last_try = !next && settled >= kFirstJointSolve && settled < build->runs.size();
+      if (!next && (!last_try || waiting->Remaining().empty())) return;
+      if (on_step_ && !on_step_(*build)) return;
+      if (last_try || build->runs.size() >= 2 * settled) {
+        UpdateModes(options_, build, on_step_);
+        settled = std::max(kFirstJointSolve / 2, build->runs.size());
+        waiting->Recount(*build);
+        continue;
+      }
+      PlaceNext(prior, *next, waiting, build);
+    }
   }
-  return maps;
-}
+
+  // Joins all that waits. Each map begins with the run map of most landmarks that is left.
+  // @param nothing  A build without modes.
+  std::vector<JointMap> Join(const BuildState& nothing, WaitingRunMaps* waiting) {
+    std::vector<JointMap> maps;
+    while (const std::optional<RunMapIndex> first = waiting->Largest()) {
+      JointMap map{nothing, waiting->At(*first)};
+      waiting->Recount(map.build);
+      const std::size_t modes = map.first.points.size();
+      AddRunMap({KnownModes(modes), ModeFlags(modes), {}}, waiting->Take(*first), &map.build);
+      waiting->Update(*first, map.build);
+      PlaceWaiting(std::nullopt, waiting, &map.build);
+      maps.push_back(std::move(map));
+      if (on_step_ && !on_step_(maps.back().build)) break;
+    }
+    return maps;
+  }
+
+  // As one run map. Nothing, and the runs are rejected, if these do not determine it.
+  std::optional<RunMap> ToRunMap(JointMap map) {
+    BuildState& build = map.build;
+    rejected_->insert(rejected_->end(), build.left_out.begin(), build.left_out.end());
+    build.left_out.clear();
+    if (build.runs.empty()) return std::nullopt;
+    const MappingRun* const first = map.first.build.runs.front().data;
+    if (build.runs.size() == 1 && build.runs.front().data == first) return std::move(map.first);
+    UpdateModes(options_, &build);
+    SolveContinuous(options_, &build);
+    std::vector<std::string> names;
+    for (const BuildRun& run : build.runs) names.push_back(run.data->name);
+    std::optional<RunMap> run_map = MakeRunMap(options_, std::move(build));
+    if (run_map) return run_map;
+    for (std::string& name : names) rejected_->push_back({std::move(name), kUndeterminedReason});
+    return std::nullopt;
+  }
+
+  // Of what is left, what has several explanations waits.
+  void RejectOrWait(const WaitingRunMaps& waiting, BuildState* build) {
+    for (const RunMapIndex i : waiting.Remaining()) {
+      const RunMap& run_map = waiting.At(i);
+      if (!waiting.Open(i)) {
+        Reject(run_map, NotAligned(run_map));
+        continue;
+      }
+      WaitingRuns& runs = build->waiting.emplace_back();
+      for (const BuildRun& run : run_map.build.runs) {
+        runs.runs.push_back({run.data->name, run.data->sha256});
+      }
+      runs.explanations = *waiting.Open(i);
+    }
+  }
+
+ private:
+  // Places a run map that waits, if it aligns and nothing else explains it.
+  void PlaceNext(const std::optional<MapContent>& prior,
+                 RunMapIndex next,
+                 WaitingRunMaps* waiting,
+                 BuildState* build) {
+    std::optional<Explanations> explanations;
+    const std::optional<RunMapAlignment> aligned = Locate(options_,
+                                                          prior,
+                                                          waiting->Reference(next, *build),
+                                                          *build,
+                                                          waiting->At(next),
+                                                          &explanations);
+    if (!aligned) return waiting->SetAside(next, std::move(explanations));
+    RunMap placed = waiting->At(next);
+    const Se2& T_map_run_map = aligned->alignment.T_reference_other;
+    MoveBuild(T_map_run_map, &placed.build);
+    Rotate(T_map_run_map.Rotation(), &placed.covariance);
+    std::optional<DisplacedModes> found;
+    if (prior && !aligned->stayed && !aligned->deformed) {
+      found = FindDisplacedModes(options_, prior->covariance, *build, aligned->alignment, &placed);
+      explanations = Undecided(options_, *found);
+      if (explanations) return waiting->SetAside(next, std::move(explanations));
+    }
+    waiting->Take(next);
+    const std::optional<Recognized> recognized =
+        Recognize(options_, *aligned, found, *build, &placed);
+    if (recognized) {
+      AddRunMap(*recognized, std::move(placed), build);
+    } else {
+      Reject(placed, kUnconstrainedReason);
+    }
+    waiting->Update(next, *build);
+  }
+
+  void Reject(const RunMap& run_map, const std::string& why) {
+    for (const BuildRun& run : run_map.build.runs) {
+      std::set<GroupIndex> seen;
+      for (const MappingVisit& visit : run.data->visits) seen.insert(visit.group);
+      rejected_->push_back(
+          {run.data->name, fmt::format("{} ({} landmarks seen)", why, seen.size())});
+    }
+  }
+
+  const MapperOptions& options_;
+  const StepCallback& on_step_;
+  std::vector<RejectedRun>* rejected_;
+};
 
 // Takes out the map of most runs, the first of several.
 BuildState TakeLargest(std::vector<JointMap>* maps) {
@@ -355,26 +386,6 @@ BuildState TakeLargest(std::vector<JointMap>* maps) {
   return build;
 }
 
-// As one run map. Nothing, and the runs are rejected, if these do not determine it.
-std::optional<RunMap> ToRunMap(const MapperOptions& options,
-                               JointMap map,
-                               std::vector<RejectedRun>* rejected) {
-  BuildState& build = map.build;
-  rejected->insert(rejected->end(), build.left_out.begin(), build.left_out.end());
-  build.left_out.clear();
-  if (build.runs.empty()) return std::nullopt;
-  const MappingRun* const first = map.first.build.runs.front().data;
-  if (build.runs.size() == 1 && build.runs.front().data == first) return std::move(map.first);
-  UpdateModes(options, &build);
-  SolveContinuous(options, &build);
-  std::vector<std::string> names;
-  for (const BuildRun& run : build.runs) names.push_back(run.data->name);
-  std::optional<RunMap> run_map = MakeRunMap(options, std::move(build));
-  if (run_map) return run_map;
-  for (std::string& name : names) rejected->push_back({std::move(name), kUndeterminedReason});
-  return std::nullopt;
-}
-
 }  // namespace
 
 void PlaceRunMaps(const MapperOptions& options,
@@ -383,33 +394,23 @@ void PlaceRunMaps(const MapperOptions& options,
                   BuildState* build,
                   std::vector<RejectedRun>* rejected,
                   const StepCallback& on_step) {
+  RunMapPlacing placing(options, on_step, rejected);
   const bool empty = FlatModes(*build).count() == 0;
   WaitingRunMaps waiting(std::move(run_maps), *build);
-  if (!empty) PlaceWaiting(options, prior, &waiting, build, rejected, on_step);
+  if (!empty) placing.PlaceWaiting(prior, &waiting, build);
   if (empty || waiting.Remaining().size() > 1) {
     const BuildState nothing = StartBuild(build->modes.size(), build->sensor);
-    std::vector<JointMap> maps = Join(options, nothing, &waiting, rejected, on_step);
+    std::vector<JointMap> maps = placing.Join(nothing, &waiting);
     if (empty && !maps.empty()) *build = TakeLargest(&maps);
     std::vector<RunMap> left;
     for (JointMap& map : maps) {
-      std::optional<RunMap> run_map = ToRunMap(options, std::move(map), rejected);
+      std::optional<RunMap> run_map = placing.ToRunMap(std::move(map));
       if (run_map) left.push_back(*std::move(run_map));
     }
     waiting = WaitingRunMaps(std::move(left), *build);
-    PlaceWaiting(options, prior, &waiting, build, rejected, on_step);
+    placing.PlaceWaiting(prior, &waiting, build);
   }
-  for (const RunMapIndex i : waiting.Remaining()) {
-    const RunMap& run_map = waiting.At(i);
-    if (!waiting.Open(i)) {
-      Reject(run_map, NotAligned(run_map), rejected);
-      continue;
-    }
-    WaitingRuns& runs = build->waiting.emplace_back();
-    for (const BuildRun& run : run_map.build.runs) {
-      runs.runs.push_back({run.data->name, run.data->sha256});
-    }
-    runs.explanations = *waiting.Open(i);
-  }
+  placing.RejectOrWait(waiting, build);
 }
 
 }  // namespace shiftmap

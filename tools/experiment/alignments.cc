@@ -77,12 +77,10 @@ class PairScore {
     SHIFTMAP_CHECK(explanations.has_value(), "a pair has no explanations");
     Answer& answer = Of(AlignmentMethod::kPosterior);
     answer.seconds = ThreadProcessorSeconds() - start;
-    best_ = explanations->frames.front();
+    best_ = explanations->best();
     outcome_.probability = best_.probability;
     outcome_.is_right = IsRight(best_);
-    if (IsDecided(options, run_map_, std::nullopt, false, best_)) {
-      answer.right = outcome_.is_right;
-    }
+    if (PlaceOf(std::nullopt).Decides(best_)) answer.right = outcome_.is_right;
     for (const Explanation& frame : explanations->frames) {
       if (IsRight(frame)) outcome_.of_right += frame.probability;
     }
@@ -98,13 +96,7 @@ class PairScore {
     answer.seconds = ThreadProcessorSeconds() - start;
     if (alignment) answer.right = IsRight(*alignment);
     Of(if_sure).seconds = answer.seconds;
-    const AlignmentPoints& reference = pair_.reference.points;
-    const double area_m2 = pair_.area_m2;
-    const bool most_agree =
-        MostAgree(options_.confirmation, reference, area_m2, run_map_, alignment);
-    const bool sure =
-        !NeedsConfirmation(options_, reference, area_m2, run_map_, alignment, most_agree);
-    if (sure) Of(if_sure).right = answer.right;
+    if (!PlaceOf(alignment).NeedsConfirmation()) Of(if_sure).right = answer.right;
     return alignment;
   }
 
@@ -113,12 +105,11 @@ class PairScore {
     answer = Of(AlignmentMethod::kConsensusSure);
     if (answer.right) return;
     answer.seconds += Of(AlignmentMethod::kPosterior).seconds;
-    const ConfirmationOptions& options = options_.confirmation;
-    const bool most_agree =
-        MostAgree(options, pair_.reference.points, pair_.area_m2, run_map_, consensus);
-    if (IsDecided(options, run_map_, consensus, most_agree, best_)) {
-      answer.right = outcome_.is_right;
-    }
+    if (PlaceOf(consensus).Decides(best_)) answer.right = outcome_.is_right;
+  }
+
+  ConsensusPlace PlaceOf(const std::optional<Alignment>& consensus) const {
+    return {options_, pair_.reference.points, pair_.area_m2, run_map_, consensus};
   }
 
   MapperOptions options_;

@@ -42,8 +42,7 @@ bool NeedsConfirmation(const AlignmentPoints& points) {
   const AlignmentPoints reference = Points(0, Eigen::Vector2d::Zero(), 0.01);
   const std::optional<Alignment> consensus =
       AlignByConsensus(reference, run_map.points, kArea, options.alignment);
-  const bool most_agree = MostAgree(options.confirmation, reference, kArea, run_map, consensus);
-  return shiftmap::NeedsConfirmation(options, reference, kArea, run_map, consensus, most_agree);
+  return ConsensusPlace(options, reference, kArea, run_map, consensus).NeedsConfirmation();
 }
 
 TEST(NeedsConfirmation, MostThatAgreeAreEnough) {
