@@ -2,11 +2,9 @@
 #include "mapper/alignment/all_moved.h"
 
 #include <Eigen/Cholesky>
-#include <algorithm>
 #include <cmath>
 #include <numbers>
 #include <random>
-#include <utility>
 
 #include "localizer/hypothesis/log_math.h"
 

@@ -56,7 +56,7 @@ std::vector<Hypothesis> EnumerateHypotheses(const AlignmentEvidence& evidence) {
     if (score.log_score > best - kNegligibleSet) sets.emplace_back(set, std::move(score));
   }
   std::vector<Hypothesis> found;
-  for (const Hypothesis& hypothesis : SearchHypotheses(evidence, {})) {
+  for (const Hypothesis& hypothesis : SearchHypotheses(evidence)) {
     if (hypothesis.stayed.empty()) found.push_back(hypothesis);
   }
   for (auto& [set, score] : sets) {

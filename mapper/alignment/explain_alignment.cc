@@ -150,7 +150,7 @@ std::optional<Explanations> Explain(const JointPoints& reference,
                                     const ExplanationLimits& limits) {
   const AlignmentEvidence evidence(reference, other, area_m2, prior);
   if (evidence.matches().size() > kMaxMatches || evidence.groups().size() < 2) return std::nullopt;
-  return SumToExplanations(evidence, SearchHypotheses(evidence, limits), limits);
+  return SumToExplanations(evidence, SearchHypotheses(evidence), limits);
 }
 
 }  // namespace shiftmap

@@ -17,6 +17,12 @@
 namespace shiftmap {
 namespace {
 
+// Sets that are less likely than the best by more are not looked at. [nats]
+constexpr double kWindow = 12.0;
+
+// Sets whose neighbours are looked at.
+constexpr int kMaxSetsExpanded = 400;
+
 // Of two landmarks that stayed the distances agree to this, in standard deviations.
 constexpr double kPairGate = 4.0;
 
@@ -28,11 +34,8 @@ constexpr std::size_t kMaxBodies = 6;
 
 class ExplanationSearch {
  public:
-  ExplanationSearch(const AlignmentEvidence& evidence, const ExplanationLimits& limits)
-      : e_(evidence),
-        limits_(limits),
-        rigid_(evidence),
-        many_(evidence.matches().size() > kManyMatches) {}
+  explicit ExplanationSearch(const AlignmentEvidence& evidence)
+      : e_(evidence), rigid_(evidence), many_(evidence.matches().size() > kManyMatches) {}
 
   std::vector<Hypothesis> Find() {
     Climb();
@@ -47,7 +50,7 @@ class ExplanationSearch {
       if (!hypothesis.stayed.empty()) {
         const bool maximum = std::binary_search(maxima_.begin(), maxima_.end(), hypothesis.stayed);
         const double singly = hypothesis.log_score - e_.LogStaying(hypothesis.stayed.Count());
-        const bool is_likely = maximum || hypothesis.log_score > first - limits_.window;
+        const bool is_likely = maximum || hypothesis.log_score > first - kWindow;
         hypothesis.log_score =
             singly + (is_likely ? LogBodies({hypothesis.stayed,
                                              &hypothesis.fit,
@@ -147,15 +150,15 @@ class ExplanationSearch {
       if (queued.insert(stayed).second) add(stayed);
     }
     IndexedVector<MatchIndex, double> gains;
-    for (int i = 0; i < limits_.max_expanded && !queue.empty(); ++i) {
+    for (int i = 0; i < kMaxSetsExpanded && !queue.empty(); ++i) {
       const auto [score, stayed] = queue.top();
       queue.pop();
-      if (score < best - limits_.window) return;
+      if (score < best - kWindow) return;
       ScoreWithGains(stayed, &gains);
       for (const MatchIndex k : gains.indices()) {
         const MatchSet next = stayed.Flipped(k);
         const double expected = score + gains[k];
-        if (next.Count() < 2 || !(expected > best - limits_.window - 1.0)) continue;
+        if (next.Count() < 2 || !(expected > best - kWindow - 1.0)) continue;
         if (queued.insert(next).second) add(next);
       }
     }
@@ -266,7 +269,6 @@ class ExplanationSearch {
   }
 
   const AlignmentEvidence& e_;
-  const ExplanationLimits& limits_;
   RigidBodies rigid_;
   bool many_;                            // Matches.
   std::map<MatchSet, SetScore> scores_;  // In the order of sets: sums do not depend on the search.
@@ -288,9 +290,8 @@ void NormalizeAndSort(std::vector<Hypothesis>* hypotheses) {
   });
 }
 
-std::vector<Hypothesis> SearchHypotheses(const AlignmentEvidence& evidence,
-                                         const ExplanationLimits& limits) {
-  return ExplanationSearch(evidence, limits).Find();
+std::vector<Hypothesis> SearchHypotheses(const AlignmentEvidence& evidence) {
+  return ExplanationSearch(evidence).Find();
 }
 
 }  // namespace shiftmap

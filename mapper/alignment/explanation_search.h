@@ -7,14 +7,8 @@
 
 namespace shiftmap {
 
-/// Bounds of a search for explanations.
+/// What of explanations is told apart.
 struct ExplanationLimits {
-  /// Explanations that are less likely than the best by more are not looked at. [nats]
-  double window = 12.0;
-
-  /// Sets whose neighbours are looked at.
-  int max_expanded = 400;
-
   /// Transforms that place all landmarks this alike are one frame. [m]
   double same_frame_m = 0.4;
 };
@@ -35,7 +29,6 @@ void NormalizeAndSort(std::vector<Hypothesis>* hypotheses);
 /// then from the maxima outward through all sets within the window. Deterministic.
 ///
 /// Precondition: kMaxMatches matches at most.
-std::vector<Hypothesis> SearchHypotheses(const AlignmentEvidence& evidence,
-                                         const ExplanationLimits& limits);
+std::vector<Hypothesis> SearchHypotheses(const AlignmentEvidence& evidence);
 
 }  // namespace shiftmap

@@ -2,7 +2,6 @@
 #pragma once
 
 #include <optional>
-#include <vector>
 
 #include "mapper/alignment/explanation.h"
 #include "mapper/registration/mode_match.h"

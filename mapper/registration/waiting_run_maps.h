@@ -4,7 +4,6 @@
 #include <cstddef>
 #include <optional>
 #include <set>
-#include <utility>
 #include <vector>
 
 #include "mapper/alignment/consensus.h"

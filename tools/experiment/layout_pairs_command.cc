@@ -125,11 +125,11 @@ void AddPair(const LayoutRun& reference, const LayoutRun& other, ResultTable* ta
   const AlignmentEvidence evidence(
       reference.map, other.map, OccupiedArea(PositionsOf(reference.map.points)), options.prior);
   const double tolerance_m = options.limits.same_frame_m;
-  const PairResult searched = Judge(
-      reference,
-      other,
-      tolerance_m,
-      SumToExplanations(evidence, SearchHypotheses(evidence, options.limits), options.limits));
+  const PairResult searched =
+      Judge(reference,
+            other,
+            tolerance_m,
+            SumToExplanations(evidence, SearchHypotheses(evidence), options.limits));
   const PairResult all =
       Judge(reference,
             other,

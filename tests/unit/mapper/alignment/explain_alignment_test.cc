@@ -229,7 +229,7 @@ TEST(ExplainAlignmentTest, SearchFindsWhatEnumerationFinds) {
     }
     for (const auto& [s, score] : all) total += std::exp(score - best);
     double found = 0.0;
-    for (const Hypothesis& hypothesis : SearchHypotheses(evidence, {})) {
+    for (const Hypothesis& hypothesis : SearchHypotheses(evidence)) {
       if (!hypothesis.stayed.empty()) found += std::exp(all.at(hypothesis.stayed) - best);
     }
     EXPECT_GT(found / total, 1.0 - 1e-3) << "round " << round << ", seed " << Seed();
@@ -262,7 +262,7 @@ TEST(ExplainAlignmentTest, SearchFindsWhatEnumerationFindsOfSeveralModesInBothMa
     double total = 0.0;
     for (const auto& [s, score] : all) total += std::exp(score - best);
     double found = 0.0;
-    for (const Hypothesis& hypothesis : SearchHypotheses(evidence, {})) {
+    for (const Hypothesis& hypothesis : SearchHypotheses(evidence)) {
       if (hypothesis.stayed.empty()) continue;
       ASSERT_TRUE(possible(hypothesis.stayed));
       found += std::exp(all.at(hypothesis.stayed) - best);
