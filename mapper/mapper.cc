@@ -332,6 +332,7 @@ StatusOr<std::unique_ptr<GraphPosterior>> Linearize(const MapperOptions& options
   if (!posterior && RemoveUndeterminedRuns(options, build) > 0) {
     RemoveUnconstrainedRuns(build);
     SHIFTMAP_RETURN_IF_ERROR(RemoveRunsOfNoMode(build));
+    build->disagreement = {};  // It is of other runs and modes.
     SolveContinuous(options, build);
     if (build->priors.empty()) AnchorFrame(build);
     *graph = MakeGraph(options, build);
@@ -455,7 +456,7 @@ Status Conclude(const GroupSignatures& signatures,
     for (const BuildMode& mode : group) result->modes_created += mode.number == kAbsent;
   }
   result->modes_merged = build->modes_merged;
-  result->disagreement = build->disagreement;
+  result->disagreement = build->disagreement.factor;
   result->selection = SummarizeSelection(options.modes, *build);
   return OkStatus();
 }

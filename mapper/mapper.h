@@ -57,7 +57,7 @@ struct MapperResult {
   std::vector<AmbiguousChange> ambiguous_changes;
   int modes_created = 0;  ///< Modes that the prior map does not have.
   int modes_merged = 0;
-  double disagreement = 1.0;  ///< Of the runs and the prior map (BuildState::disagreement).
+  double disagreement = 1.0;  ///< Of the runs and the prior map (MapDisagreement::factor).
   int outer_iterations = 0;
   SelectionSummary selection;
   std::int64_t estimated_memory_bytes = 0;  ///< What the build was expected to take at its peak.

@@ -73,7 +73,8 @@ bool IsTiled(const Graph& graph) { return std::ssize(graph.modes) > kMaxJointMod
 
 JointCovariance TiledCovariance(const Graph& graph,
                                 const GraphPosterior& posterior,
-                                const ScaleUncertainty& scale) {
+                                const ScaleUncertainty& scale,
+                                const MapDisagreement& disagreement) {
   const std::vector<Modes> tiles = TileModes(graph.modes, kTileModes);
   IndexedVector<ModeIndex, std::size_t> tile_of(graph.modes.size());
   for (std::size_t t = 0; t < tiles.size(); ++t) {
@@ -96,6 +97,7 @@ JointCovariance TiledCovariance(const Graph& graph,
     }
   };
   posterior.VisitModeCovariance(add_block);
+  for (const auto& [mode, of_mode] : disagreement.of_modes) diagonal[mode] += of_mode;
   return JointCovariance(std::move(diagonal), std::move(cross));
 }
 
@@ -156,14 +158,18 @@ std::unique_ptr<GraphPosterior> LinearizeForMap(const Graph& graph) {
 JointCovariance MapCovariance(const Graph& graph,
                               const GraphPosterior& posterior,
                               const ScaleUncertainty& scale,
-                              double disagreement) {
-  if (IsTiled(graph)) return TiledCovariance(graph, posterior, scale);
-  const Eigen::MatrixXd posterior_cov = posterior.ModeCovariance();
-  const Eigen::MatrixXd cov = disagreement * posterior_cov - (disagreement - 1.0) * posterior_cov *
-                                                                 PriorInformation(graph) *
-                                                                 posterior_cov;
+                              const MapDisagreement& disagreement) {
+  if (IsTiled(graph)) return TiledCovariance(graph, posterior, scale, disagreement);
+  const Eigen::MatrixXd P = posterior.ModeCovariance();
+  const Eigen::MatrixXd of_prior = P * PriorInformation(graph) * P;
   const Eigen::MatrixXd root = ScaleRoot(graph, posterior, GaugeDirections(graph.modes), scale);
-  return JointCovariance::FromDense(ReferToPositions(graph.modes, cov) + root * root.transpose());
+  Eigen::MatrixXd cov =
+      ReferToPositions(graph.modes, P + (disagreement.factor - 1.0) * (P - of_prior));
+  cov += root * root.transpose();
+  for (const auto& [mode, of_mode] : disagreement.of_modes) {
+    cov.block<2, 2>(2 * mode, 2 * mode) += of_mode;
+  }
+  return JointCovariance::FromDense(cov);
 }
 
 }  // namespace shiftmap

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <map>
 #include <memory>
 #include <optional>
 #include <utility>
@@ -64,6 +65,15 @@ struct ScaleUncertainty {
   std::vector<std::vector<RunIndex>> runs_of_vehicles = {};
 };
 
+/// By how much more runs disagree with each other and with the prior map than they tell.
+struct MapDisagreement {
+  /// A variance factor of all runs that does not change how they weigh against the prior map.
+  double factor = 1.0;
+
+  /// Of modes that disagree by themselves: mean square of the differences from the map. [m²]
+  std::map<ModeIndex, Eigen::Matrix2d> of_modes;
+};
+
 /// The normal equations of a graph at its present values, of which MapCovariance() can be told, and
 /// what else is to be known of them; null if it does not determine its modes in the numbers that a
 /// computer has. Precondition: every mode is observed or in the prior.
@@ -78,11 +88,12 @@ std::unique_ptr<GraphPosterior> LinearizeForMap(const Graph& graph);
 /// Beyond kMaxJointModes modes it is that of modes in one tile of neighbours; between tiles it is
 /// zero, and positive definite all the same, as any block-diagonal part of a covariance is.
 /// @param posterior     LinearizeForMap() of the graph.
-/// @param disagreement  BuildState::disagreement F. With prior information Λ, the covariance of
-///                      the graph's minimum is F P - (F - 1) P Λ P. Not beyond kMaxJointModes.
+/// @param disagreement  With its factor F and prior information Λ the covariance of the graph's
+///                      minimum is F P - (F - 1) P Λ P; not beyond kMaxJointModes. That of single
+///                      modes is added.
 JointCovariance MapCovariance(const Graph& graph,
                               const GraphPosterior& posterior,
                               const ScaleUncertainty& scale,
-                              double disagreement);
+                              const MapDisagreement& disagreement);
 
 }  // namespace shiftmap

@@ -5,7 +5,9 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <optional>
+#include <utility>
 #include <vector>
 
 #include "mapper/covariance/gauge.h"
@@ -97,9 +99,10 @@ double OutlierLimit(double dof) { return dof * (std::pow(kOutlier, -2.0 / dof) -
 
 }  // namespace
 
-Disagreement DisagreementOf(Eigen::MatrixXd information,
+Disagreement DisagreementOf(const Eigen::MatrixXd& of_all,
                             const Eigen::VectorXd& difference,
                             double dof) {
+  Eigen::MatrixXd information = of_all;
   Eigen::VectorXd weighted = information * difference;
   Disagreement left{difference.dot(weighted), dof};
   Disagreement result = left;
@@ -116,6 +119,7 @@ Disagreement DisagreementOf(Eigen::MatrixXd information,
     const double squares = decrease(*worst);
     left.squares -= squares;
     left.dof -= 2.0;
+    left.outliers.emplace(*worst, Eigen::Vector2d::Zero());
     if (squares > OutlierLimit(left.dof) * std::max(1.0, left.squares / left.dof)) result = left;
     // The others' marginal.
     const Eigen::Index at = 2 * *worst;
@@ -125,6 +129,14 @@ Disagreement DisagreementOf(Eigen::MatrixXd information,
     information.noalias() -= gain * information.middleRows<2>(at).eval();
     modes.erase(worst);
   }
+  std::vector<Eigen::Index> rows;
+  for (const auto& [m, of_mode] : result.outliers) rows.insert(rows.end(), {2 * m, 2 * m + 1});
+  const Eigen::VectorXd unexpected = of_all(rows, rows).llt().solve((of_all * difference)(rows));
+  Eigen::Index row = 0;
+  for (auto& [m, of_mode] : result.outliers) {
+    of_mode = unexpected.segment<2>(row);
+    row += 2;
+  }
   return result;
 }
 
@@ -132,35 +144,50 @@ namespace {
 
 using RunVariances = IndexedVector<RunIndex, std::optional<RunVariance>>;
 
+// Of a mode, over all that have it.
+struct ModeSpread {
+  int sources = 0;
+  Eigen::Matrix2d squares = Eigen::Matrix2d::Zero();
+};
+
 // By how much more than they tell runs differ from the prior map and each other.
-double DisagreementFactor(const BuildState& build, const RunVariances& variances) {
+MapDisagreement MapDisagreementOf(const BuildState& build, const RunVariances& variances) {
   const FlatModes flat(build);
   const IndexedVector<ModeIndex, Eigen::Vector2d> positions = ModePositions(build);
-  IndexedVector<ModeIndex, bool> is_known(positions.size(), false);
+  std::map<ModeIndex, ModeSpread> spreads;
   double squares = kPriorDof;
   double dof = build.priors.empty() ? kGauge : 0.0;
+  const auto add = [&](const std::vector<ModeIndex>& modes, const Disagreement& disagreement) {
+    squares += disagreement.squares;
+    dof += disagreement.dof;
+    for (const ModeIndex mode : modes) ++spreads[mode].sources;
+    for (const auto& [m, of_mode] : disagreement.outliers) {
+      spreads[modes[static_cast<std::size_t>(m)]].squares += of_mode * of_mode.transpose();
+    }
+  };
   for (const RunIndex r : variances.indices()) {
     if (!variances[r]) continue;
-    squares += variances[r]->disagreement.squares;
-    dof += variances[r]->disagreement.dof;
+    std::vector<ModeIndex> modes;
     for (const BuildModeRef& mode : ModesOf(build.runs[r])) {
-      is_known[flat.Index(mode.group, mode.mode)] = true;
+      modes.push_back(flat.Index(mode.group, mode.mode));
     }
+    add(modes, variances[r]->disagreement);
   }
   for (const GraphPrior& prior : build.priors) {
     Eigen::VectorXd difference = -prior.mean;
     for (std::size_t i = 0; i < prior.modes.size(); ++i) {
       difference.segment<2>(static_cast<Eigen::Index>(2 * i)) += positions[prior.modes[i]];
-      is_known[prior.modes[i]] = true;
     }
-    const Disagreement of_prior =
-        DisagreementOf(prior.information, difference, static_cast<double>(difference.size()));
-    squares += of_prior.squares;
-    dof += of_prior.dof;
+    add(prior.modes,
+        DisagreementOf(prior.information, difference, static_cast<double>(difference.size())));
   }
-  // What the common map takes.
-  dof -= 2.0 * static_cast<double>(std::count(is_known.begin(), is_known.end(), true));
-  return std::max(1.0, squares / (kPriorDof + std::max(0.0, dof)));
+  dof -= 2.0 * static_cast<double>(spreads.size());  // What the common map takes.
+  MapDisagreement result{std::max(1.0, squares / (kPriorDof + std::max(0.0, dof))), {}};
+  for (const auto& [mode, spread] : spreads) {
+    if (spread.squares.isZero(0.0)) continue;
+    result.of_modes[mode] = spread.squares / static_cast<double>(spread.sources);
+  }
+  return result;
 }
 
 }  // namespace
@@ -175,13 +202,15 @@ bool EstimateRunVariances(const MapperOptions& options, BuildState* build) {
     const RunIndex r(i);
     variances[r] = VarianceOf(of_one, is_alone, RunByItself(*build, r));
   });
-  const double disagreement = DisagreementFactor(*build, variances);
-  const bool has_joint_covariance = FlatModes(*build).count() <= kMaxJointModes;
-  if (has_joint_covariance) build->disagreement = disagreement;
+  build->disagreement = MapDisagreementOf(*build, variances);
+  double in_weights = 1.0;
+  if (FlatModes(*build).count() > kMaxJointModes) {
+    in_weights = std::exchange(build->disagreement.factor, 1.0);
+  }
   double largest = 1.0;
   for (const RunIndex r : variances.indices()) {
     double& factor = build->runs[r].variance_factor;
-    if (variances[r]) factor = variances[r]->factor * (has_joint_covariance ? 1.0 : disagreement);
+    if (variances[r]) factor = variances[r]->factor * in_weights;
     largest = std::max(largest, factor);
   }
   return largest > kNegligible;

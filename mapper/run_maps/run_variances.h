@@ -2,7 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <vector>
+#include <map>
 
 #include "mapper/mapper_options.h"
 #include "mapper/state/build_state.h"
@@ -14,15 +14,20 @@ namespace shiftmap {
 struct Disagreement {
   double squares = 0.0;
   double dof = 0.0;
+
+  /// Modes that differ by themselves, by their places among the modes: they are not in the sums.
+  /// How each differs from what the others let expect. [m]
+  std::map<Eigen::Index, Eigen::Vector2d> outliers = {};
 };
 
-/// The differences d of some modes under their information Λ, dᵀΛd, without outliers, at most half
-/// of the modes: by a test for many of them (Rosner 1983), in which the mode goes next by which the
-/// sum falls most, (Λd)ᵀ_m Λ⁻¹_mm (Λd)_m, with its two degrees of freedom.
+/// The differences d of some modes under their information Λ, dᵀΛd, without outliers O, at most
+/// half of the modes: by a test for many of them (Rosner 1983), in which the mode goes next by
+/// which the sum falls most, (Λd)ᵀ_m Λ⁻¹_mm (Λd)_m, with its two degrees of freedom. They differ
+/// from what the others let expect by Λ⁻¹_OO (Λd)_O.
 /// @param information  Of the modes, two rows each. [1/m²]
 /// @param difference   [m]
 /// @param dof          What the sum is expected to be.
-Disagreement DisagreementOf(Eigen::MatrixXd information,
+Disagreement DisagreementOf(const Eigen::MatrixXd& information,
                             const Eigen::VectorXd& difference,
                             double dof);
 

@@ -11,6 +11,7 @@
 #include <string>
 #include <vector>
 
+#include "mapper/covariance/mode_covariance.h"
 #include "mapper/frontend/frame_motions.h"
 #include "mapper/frontend/mapping_run.h"
 #include "mapper/graph/graph.h"
@@ -110,9 +111,7 @@ struct BuildState {
   /// What the scale of the prior map is uncertain by beside `priors` (RemoveScale).
   double sd_scale = 0.0;
 
-  /// By how much more than they tell runs disagree with each other and with the prior map: a
-  /// variance factor of all of them that does not change how they weigh against the prior map.
-  double disagreement = 1.0;
+  MapDisagreement disagreement;  ///< As EstimateRunVariances() left it.
 
   bool open = false;  ///< As in Graph.
 

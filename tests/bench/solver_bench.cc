@@ -270,7 +270,7 @@ void BM_Covariance(benchmark::State& state, SolverKind solver) {
   const double before = ResetPeak();
   for (auto _ : state) {
     const std::unique_ptr<GraphPosterior> posterior = LinearizeForMap(graph);
-    benchmark::DoNotOptimize(MapCovariance(graph, *posterior, ScaleUncertainty(), 1.0));
+    benchmark::DoNotOptimize(MapCovariance(graph, *posterior, ScaleUncertainty(), {}));
   }
   state.counters["peak_mib"] = ResidentMib("VmHWM:") - before;
 }

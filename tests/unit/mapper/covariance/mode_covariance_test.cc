@@ -80,9 +80,9 @@ TEST(ModeCovariance, TheScaleOfTheOnlyVehicleIsThatOfTheMap) {
     }
     constexpr double kScale = 0.02;
     const auto posterior = LinearizeForMap(graph);
-    const Eigen::MatrixXd common = MapCovariance(graph, *posterior, {kScale}, 1.0).Dense();
-    const Eigen::MatrixXd own = MapCovariance(graph, *posterior, {0.0, kScale, {all}}, 1.0).Dense();
-    const Eigen::MatrixXd neither = MapCovariance(graph, *posterior, {}, 1.0).Dense();
+    const Eigen::MatrixXd common = MapCovariance(graph, *posterior, {kScale}, {}).Dense();
+    const Eigen::MatrixXd own = MapCovariance(graph, *posterior, {0.0, kScale, {all}}, {}).Dense();
+    const Eigen::MatrixXd neither = MapCovariance(graph, *posterior, {}, {}).Dense();
     EXPECT_LT((own - common).norm(), 0.01 * (common - neither).norm()) << modes;
   }
 }
@@ -91,7 +91,7 @@ TEST(ModeCovariance, BlocksOfALargeMapAreThoseOfTheDenseCovariance) {
   const Graph graph = Corridor(kMaxJointModes + 60);
   constexpr double kScale = 0.02;
   const auto posterior = LinearizeForMap(graph);
-  const JointCovariance blocks = MapCovariance(graph, *posterior, {kScale}, 1.0);
+  const JointCovariance blocks = MapCovariance(graph, *posterior, {kScale}, {});
   const Eigen::MatrixXd dense = AddScaleUncertainty(
       graph.modes, kScale, ReferToPositions(graph.modes, ComputeModeCovariance(graph).value()));
   for (int i = 0; i < blocks.size(); ++i) {
@@ -122,7 +122,7 @@ TEST(ModeCovariance, DisagreementIsOfTheRunsAndNotOfThePrior) {
       expected = P * (prior + kDisagreement * of_runs) * P;
     }
     expected = ReferToPositions(graph.modes, expected);
-    EXPECT_THAT(MapCovariance(graph, *posterior, {}, kDisagreement).Dense(),
+    EXPECT_THAT(MapCovariance(graph, *posterior, {}, {kDisagreement, {}}).Dense(),
                 testing::IsNearMatrix(expected, 1e-6 * expected.norm()));
   }
 }

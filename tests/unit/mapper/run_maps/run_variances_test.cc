@@ -10,6 +10,8 @@
 #include <utility>
 #include <vector>
 
+#include "mapstore/geometry/covariance.h"
+#include "tests/support/geometry_matchers.h"
 #include "tests/support/random_map.h"
 #include "tests/unit/mapper/mapper_test_util.h"
 
@@ -55,9 +57,14 @@ TEST(DisagreementOf, LeavesOutModesThatDifferByThemselves) {
     const Eigen::VectorXd others = difference(rows);
     const Disagreement found = DisagreementOf(covariance.inverse(), difference, 24.0);
     EXPECT_EQ(found.dof, 20.0) << scale;
-    EXPECT_NEAR(found.squares,
-                others.dot(covariance(rows, rows).llt().solve(others)),
-                1e-6 * found.squares);
+    const Eigen::VectorXd whitened = covariance(rows, rows).llt().solve(others);
+    EXPECT_NEAR(found.squares, others.dot(whitened), 1e-6 * found.squares);
+    ASSERT_EQ(found.outliers.size(), 2U);
+    for (const auto& [m, of_mode] : found.outliers) {
+      const std::vector<Eigen::Index> own = {2 * m, 2 * m + 1};
+      const Eigen::Vector2d expected = covariance(own, rows) * whitened;
+      EXPECT_THAT(of_mode, testing::IsNearMatrix(difference(own) - expected, 1e-6)) << m;
+    }
   }
 }
 
@@ -124,6 +131,45 @@ TEST_F(EstimateRunVariancesTest, AMapHasTheErrorsItClaimsWhereErrorsLast) {
   EXPECT_LT(nees, 2.0);
   mapper_.confirmation.max_modes = 0;
   EXPECT_GT(NeesPerDof(mapper_, 0.1), 3.0);  // Nothing is estimated then.
+}
+
+// A row of landmarks stands a little elsewhere in the second run, by less than makes other modes.
+TEST(BuildMapOfSmallMoves, CovarianceHasThem) {
+  constexpr std::size_t kMoved = 4;
+  int modes = 0;
+  int outside = 0;
+  for (std::uint64_t seed = 1; seed <= 5; ++seed) {
+    OpenWorldOptions options = testing::SmallWorld(seed);
+    options.modes_per_group = 1;
+    options.runs = 2;
+    options.duration_s = 300.0;
+    options.scan_rate_hz = 4.0;
+    SimulatedWorld world = testing::Simulate(options);
+    SimulatedRun& second = world.runs[1];
+    auto at = second.truth.begin();
+    for (Scan& scan : second.run.scans) {
+      while (at->stamp < scan.stamp) ++at;
+      for (Observation& observation : scan.observations) {
+        for (std::size_t group = 0; group < kMoved; ++group) {
+          if (world.groups[group].signature != observation.signature) continue;
+          const Eigen::Vector2d p =
+              at->T_map_vehicle * observation.PositionInVehicle() + Eigen::Vector2d(0.25, 0.0);
+          const Eigen::Vector2d q = at->T_map_vehicle.Inverse() * p;
+          observation.z = {q.norm(), std::atan2(q.y(), q.x())};
+        }
+      }
+    }
+    const MapContent map = BuildMap(testing::Inputs(world), std::nullopt, {}).value().content;
+    for (const testing::MatchedMode& match : testing::MatchModes(map, world)) {
+      const LandmarkGroup& group = map.groups[match.group];
+      if (group.modes.size() > 1) continue;
+      ++modes;
+      const Eigen::Matrix2d& cov = group.modes.front().cov_p_map_landmark;
+      outside += match.error.dot(cov.llt().solve(match.error)) > ChiSquareQuantile(0.9999, 2);
+    }
+  }
+  EXPECT_GT(modes, 50);
+  EXPECT_EQ(outside, 0);
 }
 
 }  // namespace
