@@ -181,8 +181,10 @@ std::optional<Alignment> AlignByPairwiseConsistency(const JointPoints& reference
   std::vector<std::uint64_t> neighbours(reference.points.size());
   for (std::size_t i = 0; i < neighbours.size(); ++i) {
     for (std::size_t j = 0; j < i; ++j) {
-      const std::pair<double, double> in_reference = Distance(reference, i, j);
-      const std::pair<double, double> in_other = Distance(other, i, j);
+      const ModeIndex a(i);
+      const ModeIndex b(j);
+      const std::pair<double, double> in_reference = Distance(reference, a, b);
+      const std::pair<double, double> in_other = Distance(other, a, b);
       const double difference = in_reference.first - in_other.first;
       const double variance =
           in_reference.second + in_other.second + std::pow(sd_scale * in_reference.first, 2);
