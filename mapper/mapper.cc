@@ -158,7 +158,7 @@ StatusOr<std::vector<RunMap>> MapRunsSingly(const std::vector<MappingRun>& runs,
   SHIFTMAP_RETURN_IF_ERROR(watch->status());
   std::erase_if(builds, [&](const BuildState& build) {
     const BuildRun& run = build.runs.front();
-    std::string reason = ImplausibleCalibration(build);
+    std::string reason = ImplausibleCalibration(run, build.sensor);
     if (reason.empty() && ModesOf(run).empty()) reason = kOutliersReason;
     if (!reason.empty()) rejected->push_back({run.data->name, reason});
     return !reason.empty();
@@ -242,6 +242,24 @@ Status RemoveUnsupported(const MapperOptions& options, BuildState* build) {
   return OkStatus();
 }
 
+// Takes out runs that only together with others come to a calibration that no vehicle has.
+Status RemoveImplausibleRuns(const MapperOptions& options, BuildState* build) {
+  const auto first =
+      std::remove_if(build->runs.begin(), build->runs.end(), [&](const BuildRun& run) {
+        std::string reason = ImplausibleCalibration(run, build->sensor);
+        if (reason.empty()) return false;
+        build->left_out.push_back({run.data->name, std::move(reason)});
+        return true;
+      });
+  if (first == build->runs.end()) return OkStatus();
+  build->runs.erase(first, build->runs.end());
+  DropUnusedModes(build);
+  if (!build->runs.empty()) RemoveUnconstrainedRuns(build);
+  SHIFTMAP_RETURN_IF_ERROR(RemoveRunsOfNoMode(build));
+  SolveContinuous(options, build);
+  return OkStatus();
+}
+
 // What is discrete in all runs together, the noise and its correlation. Returns the outer
 // iterations.
 StatusOr<int> RefineTogether(const MapperOptions& options, Watch* watch, BuildState* build) {
@@ -260,6 +278,7 @@ StatusOr<int> RefineTogether(const MapperOptions& options, Watch* watch, BuildSt
     SHIFTMAP_RETURN_IF_ERROR(watch->status());
     SHIFTMAP_RETURN_IF_ERROR(RemoveRunsOfNoMode(build));
   }
+  SHIFTMAP_RETURN_IF_ERROR(RemoveImplausibleRuns(options, build));
   if (EstimateRunVariances(options, build)) SolveContinuous(options, build, &solver);
   return iterations;
 }

@@ -24,6 +24,9 @@ constexpr double kMaxScale = 2.0;
 // Recorded robots lose 0.02 to 0.04. [rad/√s]
 constexpr double kMaxHeadingNoise = 0.12;
 
+// Of a vehicle whose wheels slip on half of its way at a walk. [m/√s]
+constexpr double kMaxWayNoise = 0.5;
+
 // What detects landmarks tells their direction at least this well. [rad]
 constexpr double kMaxBearingNoise = 0.5;
 
@@ -32,30 +35,38 @@ constexpr double kSurelyReversed = 10.0;
 
 bool IsScale(double scale) { return scale < kMaxScale && scale > 1.0 / kMaxScale; }
 
-// Log odds that the vehicle turned against odometry rather than with it, each step's difference
-// with the most noise that a working vehicle has. A scale cannot say so: it has no sign, and what
-// it does not explain becomes noise.
-double LogOddsOfReversedTurns(const BuildRun& run) {
-  double log_odds = 0.0;
+// Log odds that the vehicle turned, and that it drove, against odometry rather than with it, each
+// step's difference with the most noise that a working vehicle has. A scale cannot say so: it has
+// no sign, and what it does not explain becomes noise.
+struct LogOddsOfReversal {
+  double turns = 0.0;
+  double ways = 0.0;
+};
+
+LogOddsOfReversal ReversalOf(const BuildRun& run) {
+  LogOddsOfReversal log_odds;
   const std::vector<FrameIndex> broken = BrokenMotions(run.motions);
   for (const FrameIndex i : run.motions.between_frames.indices()) {
     if (std::binary_search(broken.begin(), broken.end(), i)) continue;
-    const double odometry = run.motions.between_frames[i].T_begin_end.yaw();
-    const double turned = run.poses[i + 1].yaw() - run.poses[i].yaw();
     const double seconds = ToSeconds(run.data->frames[i + 1].stamp - run.data->frames[i].stamp);
     if (seconds <= 0.0) continue;  // Scans of one time.
-    const double with = WrapAngle(turned - odometry);
-    const double against = WrapAngle(turned + odometry);
-    log_odds +=
-        (with * with - against * against) / (2.0 * kMaxHeadingNoise * kMaxHeadingNoise * seconds);
+    const Se2& odometry = run.motions.between_frames[i].T_begin_end;
+    const Se2 moved = run.poses[i].Inverse() * run.poses[i + 1];
+    const auto add = [&](double with, double against, double max_noise, double* sum) {
+      *sum += (with * with - against * against) / (2.0 * max_noise * max_noise * seconds);
+    };
+    add(WrapAngle(moved.yaw() - odometry.yaw()),
+        WrapAngle(moved.yaw() + odometry.yaw()),
+        kMaxHeadingNoise,
+        &log_odds.turns);
+    add(moved.x() - odometry.x(), moved.x() + odometry.x(), kMaxWayNoise, &log_odds.ways);
   }
   return log_odds;
 }
 
 }  // namespace
 
-std::string ImplausibleCalibration(const BuildState& build) {
-  const BuildRun& run = build.runs.front();
+std::string ImplausibleCalibration(const BuildRun& run, const SensorCalibration& sensor) {
   const double offset = std::remainder(run.sensor_bias[kBearingOffset], 2.0 * std::numbers::pi);
   if (!(std::abs(offset) < kMaxBearingOffset)) {
     return fmt::format(
@@ -63,9 +74,13 @@ std::string ImplausibleCalibration(const BuildState& build) {
         "mounting than the log says",
         offset * 180.0 / std::numbers::pi);
   }
-  if (LogOddsOfReversedTurns(run) > kSurelyReversed) {
+  const LogOddsOfReversal reversal = ReversalOf(run);
+  if (reversal.turns > kSurelyReversed) {
     return "it fits only if it turns the other way than odometry says: bearings or yaw rates of "
            "the wrong sign";
+  }
+  if (reversal.ways > kSurelyReversed) {
+    return "it fits only if it drives the other way than odometry says: reversed odometry";
   }
   if (!IsScale(run.odometry.scale_v)) {
     return fmt::format(
@@ -81,9 +96,9 @@ std::string ImplausibleCalibration(const BuildState& build) {
     return fmt::format("it fits only if odometry loses the heading by {:.0f} degrees in a second",
                        run.odometry.noise_omega * 180.0 / std::numbers::pi);
   }
-  if (!(build.sensor.sd_bearing_rad < kMaxBearingNoise)) {
+  if (!(sensor.sd_bearing_rad < kMaxBearingNoise)) {
     return fmt::format("it fits only with bearings that are wrong by {:.0f} degrees: another unit",
-                       build.sensor.sd_bearing_rad * 180.0 / std::numbers::pi);
+                       sensor.sd_bearing_rad * 180.0 / std::numbers::pi);
   }
   return "";
 }

@@ -12,7 +12,6 @@ namespace shiftmap {
 /// such a run fits itself, and bends the map. So does one whose odometry says nothing of the
 /// heading, and it raises the noise of all runs of its vehicle. One whose bearings have the wrong
 /// sign makes a map that is a mirror image, and one whose bearings are of no use one of nothing.
-/// @param build  A run as estimated by itself.
-std::string ImplausibleCalibration(const BuildState& build);
+std::string ImplausibleCalibration(const BuildRun& run, const SensorCalibration& sensor);
 
 }  // namespace shiftmap

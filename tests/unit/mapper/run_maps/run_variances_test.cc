@@ -10,7 +10,6 @@
 #include <utility>
 #include <vector>
 
-#include "mapstore/geometry/covariance.h"
 #include "tests/support/geometry_matchers.h"
 #include "tests/support/random_map.h"
 #include "tests/unit/mapper/mapper_test_util.h"
@@ -133,11 +132,11 @@ TEST_F(EstimateRunVariancesTest, AMapHasTheErrorsItClaimsWhereErrorsLast) {
   EXPECT_GT(NeesPerDof(mapper_, 0.1), 3.0);  // Nothing is estimated then.
 }
 
-// A row of landmarks stands a little elsewhere in the second run, by less than makes other modes.
-TEST(BuildMapOfSmallMoves, CovarianceHasThem) {
+// NEES per degree of freedom of maps of two runs. Four landmarks stand a little elsewhere in the
+// second, by less than makes other modes.
+double NeesOfSmallMoves(const MapperOptions& mapper) {
   constexpr std::size_t kMoved = 4;
-  int modes = 0;
-  int outside = 0;
+  testing::MapConsistency maps;
   for (std::uint64_t seed = 1; seed <= 5; ++seed) {
     OpenWorldOptions options = testing::SmallWorld(seed);
     options.modes_per_group = 1;
@@ -159,17 +158,16 @@ TEST(BuildMapOfSmallMoves, CovarianceHasThem) {
         }
       }
     }
-    const MapContent map = BuildMap(testing::Inputs(world), std::nullopt, {}).value().content;
-    for (const testing::MatchedMode& match : testing::MatchModes(map, world)) {
-      const LandmarkGroup& group = map.groups[match.group];
-      if (group.modes.size() > 1) continue;
-      ++modes;
-      const Eigen::Matrix2d& cov = group.modes.front().cov_p_map_landmark;
-      outside += match.error.dot(cov.llt().solve(match.error)) > ChiSquareQuantile(0.9999, 2);
-    }
+    maps.Add(testing::MeasureConsistency(
+        BuildMap(testing::Inputs(world), std::nullopt, mapper).value().content, world));
   }
-  EXPECT_GT(modes, 50);
-  EXPECT_EQ(outside, 0);
+  return maps.nees / maps.dof;
+}
+
+TEST_F(EstimateRunVariancesTest, AMapHasTheErrorsItClaimsWhereLandmarksMovedALittle) {
+  EXPECT_LT(NeesOfSmallMoves(mapper_), 2.0);
+  mapper_.confirmation.max_modes = 0;
+  EXPECT_GT(NeesOfSmallMoves(mapper_), 10.0);  // Nothing is estimated then.
 }
 
 }  // namespace

@@ -34,7 +34,7 @@ TEST(AlignmentsWorldTest, ErrorsAreAsTheCovarianceHasThem) {
       Eigen::VectorXd errors(pair.reference.covariance.rows());
       for (std::size_t k = 0; k < pair.places.size(); ++k) {
         errors.segment<2>(static_cast<Eigen::Index>(2 * k)) =
-            pair.reference.points[k].position - pair.places[k];
+            pair.reference.points[ModeIndex(k)].position - pair.places[k];
       }
       sum += errors.dot(pair.reference.covariance.llt().solve(errors));
       dof += static_cast<double>(errors.size());
@@ -53,8 +53,8 @@ TEST(AlignmentsWorldTest, WhatStayedIsWhereTheTransformHasIt) {
         bool is_there = false;
         for (std::size_t k = 0; k < pair.places.size(); ++k) {
           const Eigen::Vector2d p = pair.T_other_reference.translation() + R * pair.places[k];
-          is_there |=
-              pair.reference.points[k].group == point.group && (point.position - p).norm() < 1.0;
+          is_there |= pair.reference.points[ModeIndex(k)].group == point.group &&
+                      (point.position - p).norm() < 1.0;
         }
         there += is_there;
       }
