@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <memory>
 #include <optional>
 #include <utility>
 #include <vector>
@@ -76,8 +77,31 @@ std::optional<Eigen::VectorXd> DifferenceOf(
   return difference;
 }
 
+// What the scales of ranges that vehicles do not share do to the modes of the build, in standard
+// deviations, two rows a mode: runs that do not tell their scales differ by that too. [m]
+Eigen::MatrixXd ScaleRoot(const MapperOptions& options, BuildState* build) {
+  const auto vehicles = RunsByVehicle(*build);
+  if (build->in_map_units || vehicles.size() < 2) return {};
+  const Graph graph = MakeGraph(options, build);
+  const std::unique_ptr<GraphPosterior> posterior = LinearizeGraph(graph);
+  if (!posterior) return {};
+  std::vector<std::vector<RunIndex>> runs;
+  for (const auto& [vehicle, of_vehicle] : vehicles) runs.push_back(of_vehicle);
+  return options.sd_run_range_scale * posterior->ModesByRangeScale(runs);
+}
+
+// Information of a covariance P to which S Sᵀ is added, from that of P.
+Eigen::MatrixXd WithRoot(const Eigen::MatrixXd& information, const Eigen::MatrixXd& S) {
+  const Eigen::MatrixXd of_root = information * S;
+  const Eigen::MatrixXd inner =
+      Eigen::MatrixXd::Identity(S.cols(), S.cols()) + S.transpose() * of_root;
+  return information - of_root * inner.llt().solve(of_root.transpose());
+}
+
+// @param scale_root  ScaleRoot() of its modes.
 std::optional<RunVariance> VarianceOf(const MapperOptions& options,
                                       bool is_solved,
+                                      const Eigen::MatrixXd& scale_root,
                                       BuildState alone) {
   const IndexedVector<ModeIndex, Eigen::Vector2d> joint = ModePositions(alone);
   if (joint.size() <= 2 || std::ssize(joint) > options.confirmation.max_modes) return std::nullopt;
@@ -87,10 +111,14 @@ std::optional<RunVariance> VarianceOf(const MapperOptions& options,
   const std::optional<Eigen::VectorXd> difference = DifferenceOf(graph.modes, joint);
   if (!difference) return std::nullopt;
   const double factor = VarianceFactor(graph, *shape, options.seed);
-  const double squares = shape->Whiten(*difference).squaredNorm() / factor;
   const double dof = static_cast<double>(difference->size()) - kGauge;
-  if (squares <= kAsExpected * dof) return RunVariance{factor, {squares, dof}};
-  return RunVariance{factor, DisagreementOf(shape->Information() / factor, *difference, dof)};
+  if (scale_root.cols() == 0) {  // Most runs are as expected: that costs little to see.
+    const double squares = shape->Whiten(*difference).squaredNorm() / factor;
+    if (squares <= kAsExpected * dof) return RunVariance{factor, {squares, dof}};
+  }
+  Eigen::MatrixXd information = shape->Information() / factor;
+  if (scale_root.cols() > 0) information = WithRoot(information, scale_root);
+  return RunVariance{factor, DisagreementOf(information, *difference, dof)};
 }
 
 // The quantile of the square of a mode's difference, of two degrees of freedom, by the mean square
@@ -197,14 +225,23 @@ bool EstimateRunVariances(const MapperOptions& options, BuildState* build) {
   of_one.threads = 1;
   of_one.solver.cost_tolerance = std::max(kCostTolerance, options.solver.cost_tolerance);
   const bool is_alone = build->runs.size() == 1 && build->priors.empty();
+  const Eigen::MatrixXd scale_root = ScaleRoot(options, build);
+  const FlatModes flat(*build);
   RunVariances variances(build->runs.size());
   ForEachIndex(variances.size(), options.threads, [&](std::size_t i) {
     const RunIndex r(i);
-    variances[r] = VarianceOf(of_one, is_alone, RunByItself(*build, r));
+    std::vector<Eigen::Index> rows;
+    for (const BuildModeRef& mode : ModesOf(build->runs[r])) {
+      const Eigen::Index row = 2 * flat.Index(mode.group, mode.mode);
+      rows.insert(rows.end(), {row, row + 1});
+    }
+    const Eigen::MatrixXd of_run =
+        scale_root.cols() > 0 ? Eigen::MatrixXd(scale_root(rows, Eigen::all)) : scale_root;
+    variances[r] = VarianceOf(of_one, is_alone, of_run, RunByItself(*build, r));
   });
   build->disagreement = MapDisagreementOf(*build, variances);
   double in_weights = 1.0;
-  if (FlatModes(*build).count() > kMaxJointModes) {
+  if (flat.count() > kMaxJointModes) {
     in_weights = std::exchange(build->disagreement.factor, 1.0);
   }
   double largest = 1.0;

@@ -61,6 +61,7 @@ class LearnedRatesTest : public ::testing::Test {
       report.area = "floor";
       report.version = VersionNumber(1);
       report.content_hash = map->content_hash();
+      report.run_hash = fmt::format("{:064x}", i + 1);  // Of logs, localized on the map later.
       report.begin = stamps[i];
       report.end = stamps[i];
       for (std::size_t g = 0; g < histories.size(); ++g) {
