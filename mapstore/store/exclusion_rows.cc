@@ -81,7 +81,8 @@ StatusOr<bool> EndExclusion(Database& database,
   return database.Changes() > 0;
 }
 
-StatusOr<std::string> FindRun(Database& database, const std::string& text) {
+StatusOr<std::string> FindRun(Database& database, const std::string& given) {
+  const std::string text = IsUuid(given) ? LowerCaseUuid(given) : given;
   SHIFTMAP_ASSIGN_OR_RETURN(
       Statement query,
       database.Prepare("SELECT identity FROM run WHERE substr(identity, 1, length(?1)) = ?1 "

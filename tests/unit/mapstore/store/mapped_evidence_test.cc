@@ -328,6 +328,21 @@ TEST_F(MappedEvidenceTest, WhatIsExcludedIsAsIfItHadNeverCome) {
   EXPECT_EQ(At1(At(900.0)), without);
 }
 
+// A UUID is the same in letters of either case, also of a run that has not come yet.
+TEST_F(MappedEvidenceTest, ARunIsExcludedByItsUuidInCapitals) {
+  const CommitResult map = Map({0}, std::nullopt);
+  const double before = At1(At(900.0));
+  ASSERT_THAT(store_.Exclude("a", {"0F8FAD5B-D9CB-469F-A165-70867728950E", "", {}, "test", {}}),
+              IsOk());
+  ShiftReport report = Report(map, 1);
+  report.run_uuid = "0f8fad5b-d9cb-469f-a165-70867728950e";
+  ASSERT_THAT(store_.Return(report), IsOk());
+  EXPECT_EQ(At1(At(900.0)), before);
+  ASSERT_THAT(store_.Include("a", {"0F8FAD5B-D9CB-469F-A165-70867728950E", "", {}, "", {}}),
+              IsOk());
+  EXPECT_NE(At1(At(900.0)), before);
+}
+
 // The oracle is the same run excluded.
 TEST_F(MappedEvidenceTest, AHeldRunCountsForNothingAndItsVersionsStayGood) {
   const CommitResult first = Map({0, 1}, std::nullopt);
