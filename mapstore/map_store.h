@@ -177,7 +177,8 @@ class MapStore {
   StatusOr<std::set<std::string>> RunIdentities(const std::string& area, VersionNumber version);
 
   /// Adds a shift report to the ledger; a report whose UUID is known changes nothing. The run of a
-  /// live shift that ended before the newest run in its version is held: its clock was behind.
+  /// live shift that ended before the newest run in its version is held, unless somebody included
+  /// it before: its clock was behind.
   /// @param by  Who handed it in, for the audit log; empty: whoever may write the file.
   /// Errors also: kNotFound if the report's area or version does not exist; kInvalidArgument if
   /// ValidateShiftReport() refuses it or its content hash is not that version's; as CheckClock.

@@ -5,6 +5,7 @@
 #include <string>
 #include <utility>
 
+#include "mapstore/core/clock.h"
 #include "mapstore/map/shift_report_check.h"
 #include "mapstore/map_store.h"
 #include "mapstore/store/audit_rows.h"
@@ -58,11 +59,18 @@ StatusOr<MapStore::State::Reportable> MapStore::State::FindReported(const ShiftR
   return Reportable{area_row, std::move(version)};
 }
 
-Status MapStore::State::HoldIfBeforeItsMap(const ShiftReport& report, const Reportable& reported) {
+Status MapStore::State::HoldIfBeforeItsMap(const ShiftReport& report,
+                                           const Reportable& reported,
+                                           InsertedReport* inserted) {
   const Stamp end = EndOf(report);
+  // A version may be ahead of the time at which it was made, and that of the time that it is.
+  const Stamp made = std::min(reported.version.stamp, reported.version.created);
   // A recorded log may be localized on a newer map.
   const bool live = report.run_hash.empty();
-  if (!live || end + FromSeconds(clock_tolerance_s) >= reported.version.stamp) return OkStatus();
+  if (!live || report.begin < kFirstPlausibleStamp || made > LatestStamp() ||
+      end + FromSeconds(clock_tolerance_s) >= made) {
+    return OkStatus();
+  }
   Exclusion hold;
   hold.run = LowerCaseUuid(report.run_uuid.empty() ? report.uuid : report.run_uuid);
   hold.held = true;
@@ -71,14 +79,16 @@ Status MapStore::State::HoldIfBeforeItsMap(const ShiftReport& report, const Repo
       "its clock is behind: it ends at {} UTC, and was driven on version {}, which is of {} UTC",
       FormatUtc(end),
       reported.version.number.value(),
-      FormatUtc(reported.version.stamp));
-  SHIFTMAP_ASSIGN_OR_RETURN(const bool added,
-                            InsertExclusion(database, reported.area.area_id, hold));
+      FormatUtc(made));
+  const std::int64_t area_id = reported.area.area_id;
+  SHIFTMAP_ASSIGN_OR_RETURN(const bool included, WasIncluded(database, area_id, hold.run));
+  if (included) return OkStatus();
+  SHIFTMAP_ASSIGN_OR_RETURN(const bool added, InsertExclusion(database, area_id, hold));
   if (!added) return OkStatus();
-  return InsertAudit(database,
-                     reported.area.area_id,
-                     AuditAction::kHold,
-                     fmt::format("run {}: {}", hold.run, hold.reason));
+  SHIFTMAP_ASSIGN_OR_RETURN(const bool known, IsKnownOtherwise(database, inserted->report_id));
+  if (known) inserted->changed_from = Stamp::min();
+  return InsertAudit(
+      database, area_id, AuditAction::kHold, fmt::format("run {}: {}", hold.run, hold.reason));
 }
 
 StatusOr<ReturnResult> MapStore::State::AddReport(const ShiftReport& report,
@@ -89,9 +99,9 @@ StatusOr<ReturnResult> MapStore::State::AddReport(const ShiftReport& report,
   if (area_row.published) {
     SHIFTMAP_ASSIGN_OR_RETURN(published, PublishedRow(report.area, area_row));
   }
-  SHIFTMAP_ASSIGN_OR_RETURN(const InsertedReport inserted,
+  SHIFTMAP_ASSIGN_OR_RETURN(InsertedReport inserted,
                             InsertReport(database, area_row.area_id, version, report, clock()));
-  SHIFTMAP_RETURN_IF_ERROR(HoldIfBeforeItsMap(report, reported));
+  SHIFTMAP_RETURN_IF_ERROR(HoldIfBeforeItsMap(report, reported, &inserted));
   ReturnResult result;
   result.evidence_rows = static_cast<int>(report.evidence.size());
   std::string owner = AreaName(report.area);

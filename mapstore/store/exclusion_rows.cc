@@ -81,6 +81,15 @@ StatusOr<bool> EndExclusion(Database& database,
   return database.Changes() > 0;
 }
 
+StatusOr<bool> WasIncluded(Database& database, std::int64_t area_id, const std::string& run) {
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      Statement query,
+      database.Prepare("SELECT 1 FROM exclusion WHERE area_id = ?1 AND run = ?2 "
+                       "AND included_ns IS NOT NULL LIMIT 1"));
+  query.Bind(area_id, run);
+  return query.Step();
+}
+
 StatusOr<std::string> FindRun(Database& database, const std::string& given) {
   const std::string text = IsUuid(given) ? LowerCaseUuid(given) : given;
   SHIFTMAP_ASSIGN_OR_RETURN(

@@ -28,6 +28,9 @@ StatusOr<bool> EndExclusion(Database& database,
                             const Exclusion& exclusion,
                             Stamp ended);
 
+/// Whether one of a run was taken back.
+StatusOr<bool> WasIncluded(Database& database, std::int64_t area_id, const std::string& run);
+
 /// The run that is meant: a SHA-256 as it is, known or not; the log of a report if it has one, else
 /// the report's UUID; or the only one that the store knows by these first digits, or of which a log
 /// of that name was mapped.

@@ -212,6 +212,16 @@ StatusOr<InsertedReport> InsertReport(Database& database,
   return inserted;
 }
 
+StatusOr<bool> IsKnownOtherwise(Database& database, std::int64_t report_id) {
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      Statement query,
+      database.Prepare("SELECT 1 FROM shift_report r WHERE report_id = ?1 AND (EXISTS (SELECT 1 "
+                       "FROM run WHERE identity = r.identity) OR EXISTS (SELECT 1 FROM "
+                       "shift_report WHERE identity = r.identity AND report_id <> ?1))"));
+  query.Bind(report_id);
+  return query.Step();
+}
+
 Status InsertMappedReports(Database& database, std::int64_t version_id) {
   return InsertMappedReports(database, "v.version_id = ?1", version_id);
 }

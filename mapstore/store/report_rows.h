@@ -47,6 +47,9 @@ StatusOr<InsertedReport> InsertReport(Database& database,
                                       const ShiftReport& report,
                                       Stamp received);
 
+/// Whether the run that a report names was mapped, or another report names it.
+StatusOr<bool> IsKnownOtherwise(Database& database, std::int64_t report_id);
+
 /// Notes which reports are about a run that a version was built from.
 Status InsertMappedReports(Database& database, std::int64_t version_id);
 

@@ -14,6 +14,7 @@
 #include "mapstore/sqlite/transaction.h"
 #include "mapstore/store/ledger_filter.h"
 #include "mapstore/store/mode_numbers.h"
+#include "mapstore/store/report_rows.h"
 #include "mapstore/store/version_rows.h"
 #include "proto/core/status.h"
 
@@ -104,8 +105,12 @@ struct MapStore::State {
   StatusOr<Reportable> FindReported(const ShiftReport& report);
 
   /// Holds the run of a live shift that ended before the newest run in the version that it was
-  /// driven on, by more than the clock's tolerance: its clock was behind.
-  Status HoldIfBeforeItsMap(const ShiftReport& report, const Reportable& reported);
+  /// driven on, by more than the clock's tolerance: its clock was behind. Not of a clock that was
+  /// not set, and not if somebody took the run in before.
+  /// @param inserted  What a hold changes is added to changed_from.
+  Status HoldIfBeforeItsMap(const ShiftReport& report,
+                            const Reportable& reported,
+                            InsertedReport* inserted);
 
   /// Adds the rows of a report that is not there yet, inside a transaction.
   StatusOr<ReturnResult> AddReport(const ShiftReport& report,

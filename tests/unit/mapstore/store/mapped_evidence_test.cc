@@ -197,6 +197,44 @@ TEST_F(MappedEvidenceTest, CheckpointsChangeNoBit) {
   }
 }
 
+// A live shift that is held may be of a run that is mapped, or reported by its log.
+TEST_F(MappedEvidenceTest, AHeldShiftTakesWhatElseIsKnownOfItsRunOutOfTheCheckpoints) {
+  const std::string path = dir_.File("held.db");
+  MapStore::OpenOptions options;
+  options.access = MapStore::Access::kReadWriteCreate;
+  options.checkpoint_rows = 2;
+  store_ = *MapStore::Open(path, options);
+  Provenance provenance;
+  for (int run = 0; run < 20; ++run) provenance.runs.push_back(Run(run));
+  provenance.runs[0].uuid = "00000000-0000-4000-8000-00000000000a";
+  const CommitResult map = *store_.Commit("a", Content(19), provenance, Derived(std::nullopt));
+  ShiftReport behind = EmptyReport(map, "a", 1);
+  behind.begin = At(0.0);
+  behind.end = At(90.0);
+  behind.run_uuid = provenance.runs[0].uuid;
+  ASSERT_THAT(store_.Return(behind), IsOk());
+  ASSERT_THAT(*store_.Exclusions("a"), SizeIs(1));
+  std::vector<int> others(19);
+  std::iota(others.begin(), others.end(), 1);
+  EXPECT_NEAR(At1(At(2000.0)), ByHand(others, 70.0), 1e-12);
+  EXPECT_TRUE(VerifyStore(path)->clean());
+
+  ShiftReport of_log = behind;
+  of_log.uuid = EmptyReport(map, "a", 2).uuid;
+  of_log.run_uuid = "00000000-0000-4000-8000-00000000000b";
+  of_log.run_hash = Hash(30);
+  of_log.evidence = {TwoStateEvidence(At(20.0), At(35.0), 0.0, 3.0)};
+  ASSERT_THAT(store_.Return(of_log), IsOk());
+  // Makes checkpoints.
+  ASSERT_THAT(store_.Exclude("a", {"", "truck 2", At(0.0), "test", false, {}}), IsOk());
+  behind.uuid = EmptyReport(map, "a", 3).uuid;
+  behind.run_uuid = of_log.run_uuid;
+  EXPECT_NE(At1(At(2000.0)), ByHand(others, 70.0));
+  ASSERT_THAT(store_.Return(behind), IsOk());
+  EXPECT_NEAR(At1(At(2000.0)), ByHand(others, 70.0), 1e-12);
+  EXPECT_TRUE(VerifyStore(path)->clean());
+}
+
 // A version is published over a long ledger while vehicles hand in their shifts, of any age.
 TEST_F(MappedEvidenceTest, CheckpointsAreMadeWhileOthersWrite) {
   const std::string path = dir_.File("busy.db");

@@ -41,6 +41,13 @@ class StoreClockTest : public ::testing::Test {
     return report;
   }
 
+  // Why rows of a report do not count.
+  static std::vector<SetAside> Aside(const StatusOr<ReturnResult>& result) {
+    std::vector<SetAside> reasons;
+    for (const SetAsideRows& rows : result->set_aside) reasons.push_back(rows.reason);
+    return reasons;
+  }
+
   static double Present(MapStore store, std::optional<Stamp> at = std::nullopt) {
     return store.LoadAt("a", std::nullopt, at)->groups()[0].probabilities(1);
   }
@@ -66,21 +73,16 @@ TEST_F(StoreClockTest, AReportFromTheFutureIsRefusedWithBothTimes) {
 TEST_F(StoreClockTest, AShiftThatEndsBeforeItsMapIsHeld) {
   const CommitResult version = Make();
   MapStore store = Open(1000.0);
-  const auto reasons = [](const StatusOr<ReturnResult>& result) {
-    std::vector<SetAside> list;
-    for (const SetAsideRows& rows : result->set_aside) list.push_back(rows.reason);
-    return list;
-  };
-  EXPECT_THAT(reasons(store.Return(Report(version, -600.0, 1))), ::testing::IsEmpty());
+  EXPECT_THAT(Aside(store.Return(Report(version, -600.0, 1))), ::testing::IsEmpty());
   ShiftReport of_log = Report(version, -601.0, 2);
   of_log.run_hash = std::string(64, 'a');
-  EXPECT_THAT(reasons(store.Return(of_log)), ::testing::IsEmpty());
+  EXPECT_THAT(Aside(store.Return(of_log)), ::testing::IsEmpty());
   const double before = Present(Open(1000.0), At(0.0));
 
   ShiftReport behind = Report(version, -601.0, 3);
   behind.evidence[0].modes[0].log_likelihood = 5.0;  // It does not see the landmark.
   behind.run_uuid = "00000000-0000-4000-8000-00000000000A";
-  EXPECT_THAT(reasons(store.Return(behind)), ::testing::ElementsAre(SetAside::kHeld));
+  EXPECT_THAT(Aside(store.Return(behind)), ::testing::ElementsAre(SetAside::kHeld));
   EXPECT_EQ(Present(Open(1000.0), At(0.0)), before);
   const std::vector<Exclusion> held = *store.Exclusions("a");
   ASSERT_EQ(held.size(), 1U);
@@ -93,6 +95,36 @@ TEST_F(StoreClockTest, AShiftThatEndsBeforeItsMapIsHeld) {
   ASSERT_THAT(store.Include("a", {held[0].run, "", {}, "", {}}), IsOk());
   EXPECT_LT(Present(Open(1000.0), At(0.0)), before);
   EXPECT_TRUE(VerifyStore(path_)->clean());
+}
+
+// What a person took in stays in, whatever else comes of the run.
+TEST_F(StoreClockTest, ARunThatWasTakenInIsNotHeldAgain) {
+  const CommitResult version = Make();
+  MapStore store = Open(1000.0);
+  ShiftReport behind = Report(version, -700.0, 1);
+  behind.run_uuid = "00000000-0000-4000-8000-00000000000A";
+  ASSERT_THAT(store.Exclude("a", {behind.run_uuid, "", {}, "by a night", true, {}}), IsOk());
+  ASSERT_THAT(store.Include("a", {behind.run_uuid, "", {}, "", {}}), IsOk());
+  EXPECT_THAT(Aside(store.Return(behind)), ::testing::IsEmpty());
+  EXPECT_THAT(*store.Exclusions("a"), ::testing::IsEmpty());
+}
+
+// Whoever hands in such a report knows of it.
+TEST_F(StoreClockTest, AShiftOfAClockThatWasNotSetCountsInAStore) {
+  const CommitResult version = Make();
+  MapStore store = Open(1000.0);
+  const double boot_s = -ToSecondsSinceEpoch(At(0.0));
+  EXPECT_THAT(Aside(store.Return(Report(version, boot_s + 100.0, 1))), ::testing::IsEmpty());
+}
+
+// A version that is ahead of the time at which it was made says nothing of a shift.
+TEST_F(StoreClockTest, AShiftOnAVersionThatIsAheadIsNotHeld) {
+  MapStore lenient = Open(1000.0, 2.0 * kYearS);
+  const CommitResult ahead = *lenient.Commit("a", TwoStateContent(kRate, 0.9, At(kYearS)), {}, {});
+  EXPECT_THAT(Aside(Open(3000.0).Return(Report(ahead, 2000.0, 1))), ::testing::IsEmpty());
+  EXPECT_THAT(Aside(Open(2.0 * kYearS).Return(Report(ahead, 2000.0, 2))), ::testing::IsEmpty());
+  EXPECT_THAT(Aside(Open(3000.0).Return(Report(ahead, 390.0, 3))),
+              ::testing::ElementsAre(SetAside::kHeld));
 }
 
 TEST_F(StoreClockTest, AVisitFromTheFutureInAReportOfTodayIsRefused) {
@@ -126,7 +158,7 @@ TEST_F(StoreClockTest, AVersionThatIsAheadAlreadyDoesNotLockTheArea) {
   };
   EXPECT_THAT(commit(1000.0), IsOk());
   EXPECT_THAT(commit(1601.0), StatusIs(StatusCode::kInvalidArgument, "ahead"));
-  EXPECT_THAT(store.Return(Report(ahead, 1000.0, 1)), IsOk());
+  EXPECT_THAT(Aside(store.Return(Report(ahead, 1000.0, 1))), ::testing::IsEmpty());
 }
 
 TEST_F(StoreClockTest, OneVisitOfTheFarFutureDoesNotChangeTheMapOfToday) {
