@@ -165,7 +165,8 @@ Status TakeEntry(const std::string& area,
     hold.run = run;
     hold.reason = reason;
     hold.held = true;
-    return to->Exclude(area, hold);
+    const Status held = to->Exclude(area, hold);
+    return held.code() == StatusCode::kAlreadyExists ? OkStatus() : held;
   }
   if (entry.Is(AuditAction::kPublish)) {
     return to->Publish(area, VersionOf(entry), base.published);
