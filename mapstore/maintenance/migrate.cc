@@ -58,6 +58,27 @@ Status CopyTo(Database& database, const std::string& backup) {
   return PlaceDatabase(temporary.path(), backup);
 }
 
+Status MigrateInPlace(Database& database, const MigrateResult& result) {
+  SHIFTMAP_ASSIGN_OR_RETURN(Transaction transaction,
+                            Transaction::Begin(database, Transaction::Kind::kWrite));
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::int64_t still, StoredSchemaVersion(database));
+  if (still != result.from) {
+    return MakeStatus(
+        StatusCode::kAborted, "{}: another process migrated it meanwhile", database.name());
+  }
+  SHIFTMAP_RETURN_IF_ERROR(Migrate(database, result.from));
+  // A snapshot stays one.
+  SHIFTMAP_ASSIGN_OR_RETURN(const bool snapshot, IsSnapshot(database));
+  if (!snapshot) {
+    SHIFTMAP_RETURN_IF_ERROR(InsertAudit(database,
+                                         std::nullopt,
+                                         AuditAction::kMigrate,
+                                         fmt::format("schema {} to {}", result.from, result.to)));
+  }
+  SHIFTMAP_RETURN_IF_ERROR(Check(database));
+  return transaction.Commit();
+}
+
 }  // namespace
 
 StatusOr<MigrateResult> MigrateStore(const std::string& path,
@@ -83,30 +104,21 @@ StatusOr<MigrateResult> MigrateStore(const std::string& path,
   result.backup = backup.empty() ? fmt::format("{}.schema{}.bak", path, result.from) : backup;
   std::error_code error;
   if (std::filesystem::exists(result.backup, error)) {
-    return FailedPrecondition("{}: backup '{}' exists already", database.name(), result.backup);
+    return FailedPrecondition(
+        "{}: backup '{}' exists already, as after a migration that was cut off: delete it, or name "
+        "another one",
+        database.name(),
+        result.backup);
   }
   if (dry_run) return result;
   SHIFTMAP_RETURN_IF_ERROR(CopyTo(database, result.backup));
 
-  SHIFTMAP_ASSIGN_OR_RETURN(Transaction transaction,
-                            Transaction::Begin(database, Transaction::Kind::kWrite));
-  SHIFTMAP_ASSIGN_OR_RETURN(const std::int64_t still, StoredSchemaVersion(database));
-  if (still != result.from) {
-    return MakeStatus(
-        StatusCode::kAborted, "{}: another process migrated it meanwhile", database.name());
-  }
-  SHIFTMAP_RETURN_IF_ERROR(Migrate(database, result.from));
-  // A snapshot stays one.
-  SHIFTMAP_ASSIGN_OR_RETURN(const bool snapshot, IsSnapshot(database));
-  if (!snapshot) {
-    SHIFTMAP_RETURN_IF_ERROR(InsertAudit(database,
-                                         std::nullopt,
-                                         AuditAction::kMigrate,
-                                         fmt::format("schema {} to {}", result.from, result.to)));
-  }
-  SHIFTMAP_RETURN_IF_ERROR(Check(database));
-  SHIFTMAP_RETURN_IF_ERROR(transaction.Commit());
-  return result;
+  const Status migrated = MigrateInPlace(database, result);
+  if (migrated.ok()) return result;
+  // The same command must go on once there is room on the disk.
+  const StatusOr<std::int64_t> left = StoredSchemaVersion(database);
+  if (left.ok() && *left == result.from) std::filesystem::remove(result.backup, error);
+  return migrated;
 }
 
 }  // namespace shiftmap

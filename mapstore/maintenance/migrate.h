@@ -20,7 +20,7 @@ struct MigrateResult {
 /// @param dry_run  Says what would be done, writes nothing.
 /// Errors: kAlreadyExists if there is nothing to do; kFailedPrecondition if the file is no store,
 /// is of a newer schema, or if `backup` exists; else as MapStore. After an error the store is as it
-/// was.
+/// was, and no copy is left.
 StatusOr<MigrateResult> MigrateStore(const std::string& path,
                                      const std::string& backup,
                                      bool dry_run = false);

@@ -4,6 +4,7 @@
 #include "mapstore/maintenance/migrate.h"
 
 #include <gtest/gtest.h>
+#include <sqlite3.h>
 
 #include <algorithm>
 #include <filesystem>
@@ -133,6 +134,22 @@ TEST_P(MigrateTest, HappensOnceAndOverwritesNoBackup) {
   MapStore second = *MapStore::Open(backup, MapStore::Access::kReadOnly);
   EXPECT_EQ(ContentHash(first.LoadAt("floor")->content()),
             ContentHash(second.LoadAt("floor")->content()));
+}
+
+// As on a full disk: what is left of a migration that fails does not keep the next one.
+TEST_P(MigrateTest, AFailedOneLeavesTheStoreAndNoBackup) {
+  const auto run = [&](const char* sql) {
+    sqlite3* db = nullptr;
+    ASSERT_EQ(sqlite3_open(path_.c_str(), &db), SQLITE_OK);
+    EXPECT_EQ(sqlite3_exec(db, sql, nullptr, nullptr, nullptr), SQLITE_OK);
+    sqlite3_close(db);
+  };
+  run("CREATE INDEX run_begin ON run (end_ns)");  // That of schema 10 cannot be made.
+  EXPECT_THAT(MigrateStore(path_, dir_.File("b.db")).status(), ::testing::Not(IsOk()));
+  EXPECT_FALSE(std::filesystem::exists(dir_.File("b.db")));
+  run("DROP INDEX run_begin");
+  ASSERT_THAT(MigrateStore(path_, dir_.File("b.db")), IsOk());
+  EXPECT_TRUE(VerifyStore(path_)->clean());
 }
 
 TEST_P(MigrateTest, MigratedSchemaIsThatOfAFreshStore) {
