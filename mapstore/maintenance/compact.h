@@ -15,7 +15,8 @@ namespace shiftmap {
 /// What a store keeps. Version rows with their hash and provenance, reports by UUID, runs, unmapped
 /// sightings and the audit log stay whatever the policy says.
 struct RetentionPolicy {
-  /// Per area: the content of the newest versions, and of the published one.
+  /// Per area: the content of the newest versions, of the published one, and of the builds that
+  /// these are edits of.
   int keep_versions = 30;
 
   /// Evidence rows of visits that ended before this, and the decisions of such shifts, go unless

@@ -97,6 +97,20 @@ TEST_F(StoreClockTest, AShiftThatEndsBeforeItsMapIsHeld) {
   EXPECT_TRUE(VerifyStore(path_)->clean());
 }
 
+// A report that comes late is of the map that was there then, whatever was made since.
+TEST_F(StoreClockTest, AShiftThatEndsBeforeANewerMapIsNotHeld) {
+  const CommitResult version = Make();
+  MapStore store = Open(1e5);
+  ASSERT_THAT(store.Commit("a",
+                           TwoStateContent(kRate, 0.9, At(9e4)),
+                           {},
+                           {.parent = version.version, .publish = true}),
+              IsOk());
+  EXPECT_THAT(Aside(store.Return(Report(version, 2000.0, 1))),
+              ::testing::Not(::testing::Contains(SetAside::kHeld)));
+  EXPECT_THAT(*store.Exclusions("a"), ::testing::IsEmpty());
+}
+
 // What a person took in stays in, whatever else comes of the run.
 TEST_F(StoreClockTest, ARunThatWasTakenInIsNotHeldAgain) {
   const CommitResult version = Make();
