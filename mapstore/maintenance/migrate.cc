@@ -2,7 +2,9 @@
 #include "mapstore/maintenance/migrate.h"
 
 #include <filesystem>
+#include <optional>
 
+#include "mapstore/core/folder.h"
 #include "mapstore/schema/schema.h"
 #include "mapstore/schema/store_file.h"
 #include "mapstore/sqlite/database.h"
@@ -87,6 +89,12 @@ StatusOr<MigrateResult> MigrateStore(const std::string& path,
   Database::Options options;
   options.mode = dry_run ? Database::Mode::kReadOnly : Database::Mode::kReadWrite;
   SHIFTMAP_ASSIGN_OR_RETURN(Database database, Database::Open(path, options));
+  // Another one may make the same backup.
+  std::optional<FolderLock> lock;
+  if (!dry_run) {
+    const std::filesystem::path folder = std::filesystem::path(path).parent_path();
+    SHIFTMAP_ASSIGN_OR_RETURN(lock, FolderLock::Take(folder.empty() ? "." : folder.string()));
+  }
   MigrateResult result;
   result.to = kSchemaVersion;
   SHIFTMAP_ASSIGN_OR_RETURN(result.from, StoredSchemaVersion(database));

@@ -11,6 +11,7 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include "mapstore/maintenance/verify.h"
@@ -150,6 +151,16 @@ TEST_P(MigrateTest, AFailedOneLeavesTheStoreAndNoBackup) {
   run("DROP INDEX run_begin");
   ASSERT_THAT(MigrateStore(path_, dir_.File("b.db")), IsOk());
   EXPECT_TRUE(VerifyStore(path_)->clean());
+}
+
+TEST_P(MigrateTest, OneOfTwoAtATimeMigrates) {
+  Status other;
+  std::thread another([&] { other = MigrateStore(path_, dir_.File("b.db")).status(); });
+  const Status one = MigrateStore(path_, dir_.File("b.db")).status();
+  another.join();
+  EXPECT_NE(one.ok(), other.ok());
+  EXPECT_EQ((one.ok() ? other : one).code(), StatusCode::kAlreadyExists) << one << other;
+  EXPECT_THAT(MigrateStore(dir_.File("b.db"), ""), IsOk());
 }
 
 TEST_P(MigrateTest, MigratedSchemaIsThatOfAFreshStore) {
