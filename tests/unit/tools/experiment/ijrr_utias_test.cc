@@ -312,16 +312,16 @@ TEST(IjrrUtiasTest, FigureNineIsAsMeasured) {
   };
   const std::vector<Expected> figure = {
       {1, 1.0, "ours", 0.064, 0.015},        {1, 1.0, "incremental", 0.046, 0.018},
-      {1, 1.0, "nn", 0.216, 0.453},          {1, 1.0, "nohyp", 0.490, 0.355},
-      {2, 0.6, "incremental", 0.538, 0.566}, {2, 0.6, "nn", 1.064, 1.332},
-      {2, 0.6, "em", 0.508, 0.680},          {2, 0.6, "em-recursive", 0.650, 0.849},
-      {2, 0.6, "viterbi", 0.650, 0.849},     {2, 0.6, "nohyp", 0.280, 0.229},
-      {2, 1.0, "ours", 0.052, 0.032},        {2, 1.0, "incremental", 0.050, 0.032},
-      {2, 1.0, "nn", 1.549, 1.982},          {2, 1.0, "em", 0.051, 0.036},
+      {1, 1.0, "nn", 0.209, 0.435},          {1, 1.0, "nohyp", 0.483, 0.350},
+      {2, 0.6, "incremental", 0.050, 0.032}, {2, 0.6, "nn", 1.067, 1.341},
+      {2, 0.6, "em", 0.495, 0.649},          {2, 0.6, "em-recursive", 0.647, 0.844},
+      {2, 0.6, "viterbi", 0.647, 0.844},     {2, 0.6, "nohyp", 0.280, 0.229},
+      {2, 1.0, "ours", 0.050, 0.029},        {2, 1.0, "incremental", 0.050, 0.032},
+      {2, 1.0, "nn", 1.552, 1.996},          {2, 1.0, "em", 0.051, 0.036},
       {2, 1.0, "viterbi", 0.051, 0.034},     {2, 1.0, "nohyp", 0.468, 0.386},
-      {3, 0.6, "nn", 0.131, 0.164},          {3, 0.6, "em", 0.135, 0.144},
-      {3, 0.6, "mcts", 0.140, 0.228},        {3, 0.6, "nohyp", 0.172, 0.252},
-      {3, 1.0, "ours", 0.106, 0.045},        {3, 1.0, "incremental", 0.089, 0.051},
+      {3, 0.6, "nn", 0.126, 0.164},          {3, 0.6, "em", 0.135, 0.144},
+      {3, 0.6, "mcts", 0.133, 0.143},        {3, 0.6, "nohyp", 0.172, 0.252},
+      {3, 1.0, "ours", 0.106, 0.042},        {3, 1.0, "incremental", 0.089, 0.051},
       {3, 1.0, "em", 0.089, 0.051},          {3, 1.0, "nohyp", 0.254, 0.431},
   };
   IjrrUtiasOptions options;
@@ -369,7 +369,7 @@ TEST(IjrrUtiasTest, FigureTenIsAsMeasured) {
   for (std::size_t i = 0; i < many->rows.size(); ++i) {
     SCOPED_TRACE(fmt::format("{} at {} m", many->rows[i].method, many->rows[i].delta_m));
     const bool printed = many->rows[i].method == "em-printed";
-    EXPECT_NEAR(many->rows[i].pose_rmse_m, printed ? 1.138 : 0.317, 0.002);
+    EXPECT_NEAR(many->rows[i].pose_rmse_m, printed ? 1.138 : 0.339, 0.002);
     EXPECT_GE(many->rows[i].created, few->rows[i].created + 5.0);
   }
 }
