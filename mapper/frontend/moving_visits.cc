@@ -1,11 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "mapper/frontend/moving_visits.h"
 
+#include <algorithm>
 #include <chrono>
 #include <cstdint>
+#include <iterator>
 #include <map>
 
 #include "mapper/frontend/frame_motions.h"
+#include "mapper/frontend/pair_calibration.h"
 
 namespace shiftmap {
 namespace {
@@ -28,8 +31,8 @@ struct Count {
   int move = 0;
 };
 
-std::vector<Vote> VotesOf(const MappingRun& run) {
-  const IndexedVector<FrameIndex, Se2> poses = DeadReckon(IntegrateMotions(run, {}));
+std::vector<Vote> VotesOf(const MappingRun& run, const OdometryCalibration& odometry) {
+  const IndexedVector<FrameIndex, Se2> poses = DeadReckon(IntegrateMotions(run, odometry));
   std::vector<Vote> votes;
   for (const VisitIndex v : run.visits.indices()) {
     const std::vector<SightingIndex>& sightings = run.visits[v].sightings;
@@ -55,11 +58,8 @@ std::vector<Vote> VotesOf(const MappingRun& run) {
   return votes;
 }
 
-}  // namespace
-
-std::vector<VisitIndex> FindMovingVisits(const MappingRun& run) {
-  if (run.odometry.empty() || run.frames.empty()) return {};
-  const std::vector<Vote> votes = VotesOf(run);
+std::vector<VisitIndex> MovingBy(const OdometryCalibration& odometry, const MappingRun& run) {
+  const std::vector<Vote> votes = VotesOf(run, odometry);
   std::map<std::int64_t, Count> meanwhile;
   for (const Vote& vote : votes) {
     Count& count = meanwhile[vote.second];
@@ -78,6 +78,23 @@ std::vector<VisitIndex> FindMovingVisits(const MappingRun& run) {
       moving.push_back(visit);
     }
   }
+  return moving;
+}
+
+}  // namespace
+
+std::vector<VisitIndex> FindMovingVisits(const MappingRun& run) {
+  if (run.odometry.empty() || run.frames.empty()) return {};
+  const std::vector<VisitIndex> found = MovingBy({}, run);
+  if (found.empty()) return {};
+  // By odometry as the other landmarks have it: by another scale of it, what stands in the middle
+  // of a circle moves.
+  MappingRun others = run;
+  for (const VisitIndex v : found) others.visits[v].sightings.clear();
+  const std::vector<VisitIndex> still = MovingBy(CalibrateFromPairs(others, {}).odometry, run);
+  std::vector<VisitIndex> moving;
+  std::set_intersection(
+      found.begin(), found.end(), still.begin(), still.end(), std::back_inserter(moving));
   return moving;
 }
 

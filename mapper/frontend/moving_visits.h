@@ -10,8 +10,9 @@ namespace shiftmap {
 /// The visits of landmarks that move while they are in view, ascending: codes on this vehicle or on
 /// another one. A landmark that is seen twice, after a way by which it must be seen two metres
 /// elsewhere in the vehicle frame, is not where odometry has it by half of that, again and again,
-/// and of the others that are in view meanwhile as many are. So wheels that slip, odometry in other
-/// units and vehicles that are carried make none.
+/// and of the others that are in view meanwhile as many are, also by odometry as these have it
+/// (CalibrateFromPairs). So wheels that slip, odometry of another scale and vehicles that are
+/// carried make none.
 std::vector<VisitIndex> FindMovingVisits(const MappingRun& run);
 
 }  // namespace shiftmap

@@ -6,6 +6,9 @@
 
 #include <chrono>
 #include <cmath>
+#include <string>
+#include <utility>
+#include <vector>
 
 #include "tests/unit/mapper/mapper_test_util.h"
 
@@ -90,6 +93,52 @@ TEST(MovingVisits, LandmarksStandWhateverTheOdometryDoes) {
     const SimulatedRun carried = testing::CarriedMeanwhile(
         right, begin + std::chrono::seconds(80), begin + std::chrono::seconds(120));
     EXPECT_THAT(MovingSightings(carried.run, {}), IsEmpty()) << seed;
+  }
+}
+
+// Of a vehicle that circles around "mid", which it always sees to its left.
+shiftmap::Run RunAround(double radius) {
+  constexpr double kTurn = 0.3;
+  std::vector<std::pair<std::string, Eigen::Vector2d>> landmarks = {{"mid", {0.0, 0.2}}};
+  for (int i = 0; i < 8; ++i) {
+    landmarks.emplace_back(std::to_string(i), Se2(0.0, 0.0, 0.8 * i) * Eigen::Vector2d(10.0, 0.0));
+  }
+  shiftmap::Run run;
+  for (int i = 0; i < 1000; ++i) {
+    const double t = 0.2 * i;
+    const Stamp stamp = StampFromSeconds(100.0 + t);
+    const Se2 T_vehicle_map =
+        (Se2(0.0, 0.0, kTurn * t) * Se2(Eigen::Vector2d(0.0, -radius), 0.0)).Inverse();
+    run.odometry.push_back({stamp, kTurn * radius, kTurn});
+    Scan& scan = run.scans.emplace_back();
+    scan.stamp = stamp;
+    for (const auto& [name, p] : landmarks) {
+      const Eigen::Vector2d seen = T_vehicle_map * p;
+      if (seen.norm() < 9.0) scan.observations.push_back(At(name.c_str(), seen));
+    }
+  }
+  return run;
+}
+
+// By odometry of another scale the middle of a circle moves as a code on the vehicle does.
+TEST(MovingVisits, TheMiddleOfACircleStandsWhateverTheScales) {
+  for (const double radius : {3.0, 4.0}) {
+    for (const auto& [speed, turn] : {std::pair(1.0, 1.0),
+                                      std::pair(1.5, 1.0),
+                                      std::pair(1.8, 0.7),
+                                      std::pair(0.6, 1.4),
+                                      std::pair(0.7, 1.0)}) {
+      shiftmap::Run run = RunAround(radius);
+      for (OdometrySample& sample : run.odometry) {
+        sample.v_mps *= speed;
+        sample.omega_radps *= turn;
+      }
+      EXPECT_THAT(MovingSightings(run, {}), IsEmpty()) << radius << ' ' << speed << ' ' << turn;
+      for (Scan& scan : run.scans) scan.observations.push_back(At("own", {1.0, 0.3}));
+      EXPECT_THAT(MovingSightings(run, {}),
+                  UnorderedElementsAre(Pair(Signature("own"), ::testing::_)))
+          << radius << ' ' << speed << ' ' << turn;
+    }
   }
 }
 
