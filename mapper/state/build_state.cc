@@ -101,6 +101,10 @@ void MoveBuild(const Se2& T_map_old, BuildState* build) {
   for (KeptAlternatives& kept : build->kept) {
     for (KeptAlternatives::Doubt& doubt : kept.doubts) doubt.place = T_map_old * doubt.place;
   }
+  const Eigen::Matrix2d R_map_old = T_map_old.Rotation();
+  for (auto& [mode, of_mode] : build->disagreement.of_modes) {
+    of_mode = R_map_old * of_mode.eval() * R_map_old.transpose();
+  }
 }
 
 BuildState StartBuild(std::size_t groups, const SensorCalibration& sensor) {

@@ -4,8 +4,10 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Cholesky>
+#include <Eigen/LU>
 #include <algorithm>
 #include <map>
+#include <numbers>
 #include <random>
 #include <utility>
 #include <vector>
@@ -130,6 +132,15 @@ TEST_F(EstimateRunVariancesTest, AMapHasTheErrorsItClaimsWhereErrorsLast) {
   EXPECT_LT(nees, 2.0);
   mapper_.confirmation.max_modes = 0;
   EXPECT_GT(NeesPerDof(mapper_, 0.1), 3.0);  // Nothing is estimated then.
+}
+
+// As of a map whose first run is left out: another one's start is its frame then.
+TEST(MoveBuild, WhatModesDisagreeByTurnsWithThem) {
+  BuildState build;
+  build.disagreement.of_modes[ModeIndex(1)] = Eigen::Vector2d(4.0, 1.0).asDiagonal();
+  MoveBuild(Se2(3.0, 2.0, std::numbers::pi / 2.0), &build);
+  const Eigen::Matrix2d expected = Eigen::Vector2d(1.0, 4.0).asDiagonal();
+  EXPECT_THAT(build.disagreement.of_modes.at(ModeIndex(1)), testing::IsNearMatrix(expected, 1e-9));
 }
 
 // NEES per degree of freedom of maps of two runs. Four landmarks stand a little elsewhere in the
