@@ -143,32 +143,40 @@ TEST(MoveBuild, WhatModesDisagreeByTurnsWithThem) {
   EXPECT_THAT(build.disagreement.of_modes.at(ModeIndex(1)), testing::IsNearMatrix(expected, 1e-9));
 }
 
-// NEES per degree of freedom of maps of two runs. Four landmarks stand a little elsewhere in the
-// second, by less than makes other modes.
-double NeesOfSmallMoves(const MapperOptions& mapper) {
-  constexpr std::size_t kMoved = 4;
-  testing::MapConsistency maps;
-  for (std::uint64_t seed = 1; seed <= 5; ++seed) {
-    OpenWorldOptions options = testing::SmallWorld(seed);
-    options.modes_per_group = 1;
-    options.runs = 2;
-    options.duration_s = 300.0;
-    options.scan_rate_hz = 4.0;
-    SimulatedWorld world = testing::Simulate(options);
-    SimulatedRun& second = world.runs[1];
-    auto at = second.truth.begin();
-    for (Scan& scan : second.run.scans) {
+// By less than makes another mode.
+const Eigen::Vector2d kSmallMove = {0.25, 0.0};
+
+// Some static landmarks stand a little elsewhere in all runs but the first.
+SimulatedWorld WorldOfSmallMoves(std::uint64_t seed, int runs, std::size_t moved) {
+  OpenWorldOptions options = testing::SmallWorld(seed);
+  options.modes_per_group = 1;
+  options.runs = runs;
+  options.duration_s = 300.0;
+  options.scan_rate_hz = 4.0;
+  SimulatedWorld world = testing::Simulate(options);
+  for (std::size_t r = 1; r < world.runs.size(); ++r) {
+    auto at = world.runs[r].truth.begin();
+    for (Scan& scan : world.runs[r].run.scans) {
       while (at->stamp < scan.stamp) ++at;
       for (Observation& observation : scan.observations) {
-        for (std::size_t group = 0; group < kMoved; ++group) {
+        for (std::size_t group = 0; group < moved; ++group) {
           if (world.groups[group].signature != observation.signature) continue;
           const Eigen::Vector2d p =
-              at->T_map_vehicle * observation.PositionInVehicle() + Eigen::Vector2d(0.25, 0.0);
+              at->T_map_vehicle * observation.PositionInVehicle() + kSmallMove;
           const Eigen::Vector2d q = at->T_map_vehicle.Inverse() * p;
           observation.z = {q.norm(), std::atan2(q.y(), q.x())};
         }
       }
     }
+  }
+  return world;
+}
+
+// NEES per degree of freedom of maps of two runs.
+double NeesOfSmallMoves(const MapperOptions& mapper) {
+  testing::MapConsistency maps;
+  for (std::uint64_t seed = 1; seed <= 5; ++seed) {
+    const SimulatedWorld world = WorldOfSmallMoves(seed, 2, 4);
     maps.Add(testing::MeasureConsistency(
         BuildMap(testing::Inputs(world), std::nullopt, mapper).value().content, world));
   }
@@ -179,6 +187,29 @@ TEST_F(EstimateRunVariancesTest, AMapHasTheErrorsItClaimsWhereLandmarksMovedALit
   EXPECT_LT(NeesOfSmallMoves(mapper_), 2.0);
   mapper_.confirmation.max_modes = 0;
   EXPECT_GT(NeesOfSmallMoves(mapper_), 10.0);  // Nothing is estimated then.
+}
+
+// What is added to a covariance is a prior of the next build, which knows better.
+TEST_F(EstimateRunVariancesTest, AMapComesToWhereALandmarkMovedALittle) {
+  for (std::uint64_t seed = 1; seed <= 3; ++seed) {
+    SimulatedWorld world = WorldOfSmallMoves(seed, 4, 1);
+    const std::vector<MapperInput> runs = testing::Inputs(world);
+    world.groups[0].modes[0] += kSmallMove;
+    const MapContent first = BuildMap({runs[0], runs[1]}, std::nullopt, mapper_).value().content;
+    MapContent map = BuildMap({runs[2]}, first, mapper_).value().content;
+    map = BuildMap({runs[3]}, map, mapper_).value().content;
+    const auto error = [&](const MapContent& content) {
+      return testing::MatchModes(content, world).front().error.norm();
+    };
+    const auto variance = [](const MapContent& content) {
+      return content.groups[0].modes[0].cov_p_map_landmark.trace();
+    };
+    ASSERT_EQ(map.groups[0].modes.size(), 1U) << seed;
+    EXPECT_GT(error(first), 0.08) << seed;
+    EXPECT_GT(variance(first), 0.1 * 0.1) << seed;
+    EXPECT_LT(error(map), 0.04) << seed;
+    EXPECT_LT(variance(map), 0.25 * variance(first)) << seed;
+  }
 }
 
 }  // namespace
