@@ -42,6 +42,9 @@ constexpr double kAsExpected = 1.5;
 // Fewer modes have no outliers.
 constexpr int kMinModes = 6;
 
+// Fewer modes have no shape.
+constexpr std::size_t kMinShape = 3;
+
 // A run of a build by itself, with the modes that it has.
 BuildState RunByItself(const BuildState& build, RunIndex run) {
   BuildState alone;
@@ -104,7 +107,9 @@ std::optional<RunVariance> VarianceOf(const MapperOptions& options,
                                       const Eigen::MatrixXd& scale_root,
                                       BuildState alone) {
   const IndexedVector<ModeIndex, Eigen::Vector2d> joint = ModePositions(alone);
-  if (joint.size() <= 2 || std::ssize(joint) > options.confirmation.max_modes) return std::nullopt;
+  if (joint.size() < kMinShape || std::ssize(joint) > options.confirmation.max_modes) {
+    return std::nullopt;
+  }
   const Graph graph = is_solved ? MakeGraph(options, &alone) : SolveContinuous(options, &alone);
   const std::optional<ShapeCovariance> shape = ShapeCovariance::Of(graph);
   if (!shape) return std::nullopt;
@@ -193,13 +198,17 @@ MapDisagreement MapDisagreementOf(const BuildState& build, const RunVariances& v
       spreads[modes[static_cast<std::size_t>(m)]].squares += of_mode * of_mode.transpose();
     }
   };
+  bool all_compared = true;
   for (const RunIndex r : variances.indices()) {
-    if (!variances[r]) continue;
     std::vector<ModeIndex> modes;
     for (const BuildModeRef& mode : ModesOf(build.runs[r])) {
       modes.push_back(flat.Index(mode.group, mode.mode));
     }
-    add(modes, variances[r]->disagreement);
+    if (variances[r]) {
+      add(modes, variances[r]->disagreement);
+    } else if (modes.size() >= kMinShape) {
+      all_compared = false;
+    }
   }
   for (const GraphPrior& prior : build.priors) {
     Eigen::VectorXd difference = -prior.mean;
@@ -210,7 +219,9 @@ MapDisagreement MapDisagreementOf(const BuildState& build, const RunVariances& v
         DisagreementOf(prior.information, difference, static_cast<double>(difference.size())));
   }
   dof -= 2.0 * static_cast<double>(spreads.size());  // What the common map takes.
-  MapDisagreement result{std::max(1.0, squares / (kPriorDof + std::max(0.0, dof))), {}};
+  MapDisagreement result;
+  // Else the map is also of what the sums do not have.
+  if (all_compared) result.factor = std::max(1.0, squares / (kPriorDof + std::max(0.0, dof)));
   for (const auto& [mode, spread] : spreads) {
     if (spread.squares.isZero(0.0)) continue;
     result.of_modes[mode] = spread.squares / static_cast<double>(spread.sources);
@@ -247,7 +258,7 @@ bool EstimateRunVariances(const MapperOptions& options, BuildState* build) {
   double largest = 1.0;
   for (const RunIndex r : variances.indices()) {
     double& factor = build->runs[r].variance_factor;
-    if (variances[r]) factor = variances[r]->factor * in_weights;
+    factor = (variances[r] ? variances[r]->factor : factor) * in_weights;
     largest = std::max(largest, factor);
   }
   return largest > kNegligible;

@@ -134,6 +134,28 @@ TEST_F(EstimateRunVariancesTest, AMapHasTheErrorsItClaimsWhereErrorsLast) {
   EXPECT_GT(NeesPerDof(mapper_, 0.1), 3.0);  // Nothing is estimated then.
 }
 
+// How the others differ from a map that a large run made most of tells nothing without that run.
+TEST_F(EstimateRunVariancesTest, RunsDoNotDisagreeWithWhatIsNotCompared) {
+  constexpr std::size_t kSeenByAll = 30;
+  mapper_.confirmation.max_modes = kSeenByAll;
+  for (std::uint64_t seed = 1; seed <= 3; ++seed) {
+    OpenWorldOptions options = testing::SmallWorld(seed);
+    options.groups = 40;
+    options.modes_per_group = 1;
+    options.runs = 2;
+    options.duration_s = 300.0;
+    SimulatedWorld world = testing::Simulate(options);
+    for (Scan& scan : world.runs[0].run.scans) {
+      std::erase_if(scan.observations, [&](const Observation& observation) {
+        return !(observation.signature < world.groups[kSeenByAll].signature);
+      });
+    }
+    const MapperResult result = BuildMap(testing::Inputs(world), std::nullopt, mapper_).value();
+    EXPECT_EQ(result.runs.size(), 2U) << seed;
+    EXPECT_LT(result.disagreement, 1.5) << seed;
+  }
+}
+
 // As of a map whose first run is left out: another one's start is its frame then.
 TEST(MoveBuild, WhatModesDisagreeByTurnsWithThem) {
   BuildState build;
