@@ -56,7 +56,7 @@ Status AddRecorded(const Arguments& arguments, std::vector<Case>* cases) {
   for (int dataset = 1; dataset <= kDatasets; ++dataset) {
     UtiasOptions options;
     options.dataset_dir = fmt::format("{}/MRCLAM_Dataset{}", arguments.data, dataset);
-    options.duration_s = arguments.duration_s;
+    if (arguments.duration_s > 0.0) options.duration_s = arguments.duration_s;
     std::vector<MapperInput> runs;
     for (int robot = 1; robot <= kRobots; ++robot) {
       options.robot = robot;
