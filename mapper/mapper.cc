@@ -341,24 +341,38 @@ ScaleUncertainty ScaleOf(const MapperOptions& options, const BuildState& build) 
   return scale;
 }
 
-// The solved build as *graph, and that about its solution, for as long as *graph stays where it
-// is. A log of values beyond all bounds costs its run, not the others' night.
-StatusOr<std::unique_ptr<GraphPosterior>> Linearize(const MapperOptions& options,
-                                                    BuildState* build,
-                                                    Graph* graph) {
-  *graph = MakeGraph(options, build);
-  std::unique_ptr<GraphPosterior> posterior = LinearizeForMap(*graph);
-  if (!posterior && RemoveUndeterminedRuns(options, build) > 0) {
+// What is known about the solution of a build.
+struct SolvedGraph {
+  Graph graph;
+  std::unique_ptr<GraphPosterior> posterior;  // Of the graph; null if it is not determined.
+  JointCovariance covariance;
+};
+
+// @param solved  Stays where it is as long as its posterior is used.
+void Linearize(const MapperOptions& options, BuildState* build, SolvedGraph* solved) {
+  solved->graph = MakeGraph(options, build);
+  solved->posterior = LinearizeForMap(solved->graph);
+  if (!solved->posterior) return;
+  solved->covariance = MapCovariance(
+      solved->graph, *solved->posterior, ScaleOf(options, *build), build->disagreement);
+  if (!IsDetermined(solved->covariance)) solved->posterior = nullptr;
+}
+
+// The same. A log of values beyond all bounds costs its run, not the others' night.
+Status LinearizeWhatIsDetermined(const MapperOptions& options,
+                                 BuildState* build,
+                                 SolvedGraph* solved) {
+  Linearize(options, build, solved);
+  if (!solved->posterior && RemoveUndeterminedRuns(options, build) > 0) {
     RemoveUnconstrainedRuns(build);
     SHIFTMAP_RETURN_IF_ERROR(RemoveRunsOfNoMode(build));
     build->disagreement = {};  // It is of other runs and modes.
     SolveContinuous(options, build);
     if (build->priors.empty()) AnchorFrame(build);
-    *graph = MakeGraph(options, build);
-    posterior = LinearizeForMap(*graph);
+    Linearize(options, build, solved);
   }
-  if (!posterior) return InvalidArgument("the runs do not determine where their landmarks are");
-  return posterior;
+  if (solved->posterior) return OkStatus();
+  return InvalidArgument("the runs do not determine where their landmarks are");
 }
 
 // What was to be expected before the runs were placed may be less than the modes that they brought:
@@ -450,18 +464,15 @@ Status Conclude(const GroupSignatures& signatures,
                 const MapperOptions& options,
                 BuildState* build,
                 MapperResult* result) {
-  Graph graph;
-  SHIFTMAP_ASSIGN_OR_RETURN(const std::unique_ptr<GraphPosterior> posterior,
-                            Linearize(options, build, &graph));
-  const JointCovariance covariance =
-      MapCovariance(graph, *posterior, ScaleOf(options, *build), build->disagreement);
+  SolvedGraph solved;
+  SHIFTMAP_RETURN_IF_ERROR(LinearizeWhatIsDetermined(options, build, &solved));
   SHIFTMAP_ASSIGN_OR_RETURN(MapOutput output,
-                            MakeMapContent(*build, signatures, prior, covariance, options));
+                            MakeMapContent(*build, signatures, prior, solved.covariance, options));
   result->content = std::move(output.content);
   result->chains = std::move(output.chains);
   result->older = std::move(output.older);
   if (options.calibrate) {
-    result->vehicles = CalibrateVehicles(options, graph, *posterior, *build);
+    result->vehicles = CalibrateVehicles(options, solved.graph, *solved.posterior, *build);
   }
   if (prior) result->content.vehicles = prior->vehicles;
   UpdateVehicles(result->vehicles, &result->content.vehicles);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "mapper/covariance/mode_covariance.h"
 
+#include <Eigen/LU>
 #include <algorithm>
 #include <memory>
 #include <random>
@@ -170,6 +171,17 @@ JointCovariance MapCovariance(const Graph& graph,
     cov.block<2, 2>(2 * mode, 2 * mode) += of_mode;
   }
   return JointCovariance::FromDense(cov);
+}
+
+bool IsDetermined(const JointCovariance& covariance) {
+  constexpr double kMaxVariance = 1e10;  // [m²]
+  for (int mode = 0; mode < covariance.size(); ++mode) {
+    const Eigen::Matrix2d block = covariance.Block(mode, mode);
+    if (!(block.trace() < kMaxVariance && block(0, 0) > 0.0 && block.determinant() > 0.0)) {
+      return false;
+    }
+  }
+  return true;
 }
 
 }  // namespace shiftmap

@@ -96,4 +96,8 @@ JointCovariance MapCovariance(const Graph& graph,
                               const ScaleUncertainty& scale,
                               const MapDisagreement& disagreement);
 
+/// Whether a map says where its modes are: each is known to a hundred kilometres, and by a matrix
+/// that is a covariance.
+bool IsDetermined(const JointCovariance& covariance);
+
 }  // namespace shiftmap

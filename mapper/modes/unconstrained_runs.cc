@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cstddef>
+#include <memory>
 #include <utility>
 #include <vector>
 
@@ -138,7 +139,9 @@ int RemoveUndeterminedRuns(const MapperOptions& options, BuildState* build) {
     BuildState alone = *build;
     alone.runs = {run};
     DropUnusedModes(&alone);
-    determined.push_back(LinearizeForMap(MakeGraph(options, &alone)) != nullptr);
+    const Graph graph = MakeGraph(options, &alone);
+    const std::unique_ptr<GraphPosterior> posterior = LinearizeForMap(graph);
+    determined.push_back(posterior && IsDetermined(MapCovariance(graph, *posterior, {}, {})));
   }
   KeepRuns(determined, kUndeterminedReason, build);
   return static_cast<int>(std::count(determined.begin(), determined.end(), false));

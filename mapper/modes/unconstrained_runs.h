@@ -37,9 +37,9 @@ bool RemoveRunWithMostModes(BuildState* build);
 /// Why a run that would not be a map by itself is rejected.
 inline constexpr char kUndeterminedReason[] = "its sightings do not determine its landmarks";
 
-/// Takes out runs that by themselves do not determine where their landmarks are (LinearizeForMap),
-/// as where the values of a log are beyond what a computer can solve for: for a build of which
-/// that is true as a whole. Otherwise as RemoveUnconstrainedRuns().
+/// Takes out runs that by themselves do not determine where their landmarks are (LinearizeForMap,
+/// IsDetermined), as where the values of a log are beyond what a computer can solve for: for a
+/// build of which that is true as a whole. Otherwise as RemoveUnconstrainedRuns().
 int RemoveUndeterminedRuns(const MapperOptions& options, BuildState* build);
 
 }  // namespace shiftmap
