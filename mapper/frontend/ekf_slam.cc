@@ -4,7 +4,6 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cstddef>
-#include <utility>
 
 #include "localizer/models/observation_model.h"
 #include "mapper/frontend/gated_landmarks.h"
@@ -14,6 +13,8 @@
 namespace shiftmap {
 namespace {
 
+PoseWithCovariance PoseOf(const SlamState& state) { return {state.pose(), state.PoseCovariance()}; }
+
 // A pose of the filter, before its sightings and with them.
 struct Step {
   Eigen::Matrix3d F = Eigen::Matrix3d::Identity();  // dξ / dξ of the pose before.
@@ -21,30 +22,24 @@ struct Step {
   PoseWithCovariance filtered;
 };
 
-// Where a run's sightings put landmarks from the vehicle, without what the sensor gets wrong. To a
-// vehicle that comes back metres beside where it takes itself to be, a bearing is not linear in its
-// error, and a position is.
-IndexedVector<SightingIndex, Observation> PositionObservations(const MappingRun& run,
-                                                               const SensorCalibration& sensor) {
-  IndexedVector<SightingIndex, Observation> positions;
+// What a run's sightings read, without what the sensor gets wrong.
+IndexedVector<SightingIndex, Observation> CorrectedObservations(const MappingRun& run,
+                                                                const SensorCalibration& sensor) {
+  IndexedVector<SightingIndex, Observation> observations;
   for (const Sighting& sighting : run.sightings) {
-    const Observation read = Corrected(sighting.observation, sensor);
-    Observation position = read;
-    position.kind = Observation::Kind::kCartesian;
-    position.z = read.PositionInVehicle();
-    position.cov_z = PositionNoiseInVehicle(read, ObservationNoise(read, sensor));
-    positions.push_back(std::move(position));
+    observations.push_back(Corrected(sighting.observation, sensor));
   }
-  return positions;
+  return observations;
 }
 
 // Per sighting, whether another of its visit says the same, by odometry and the sensor's noise. All
 // of them where landmarks are mostly seen in passing: one sighting has to do then.
-// @param observations  Of the sightings, positions.
+// @param observations  Of the sightings, corrected.
 IndexedVector<SightingIndex, bool> ConfirmedSightings(
     const MappingRun& run,
     const IndexedVector<SightingIndex, Observation>& observations,
-    const FrameMotions& motions) {
+    const FrameMotions& motions,
+    const SensorCalibration& sensor) {
   // Sightings before and after that are asked: one of them may be misread itself.
   constexpr std::size_t kNeighbours = 2;
   constexpr double kFloor = 0.1;  // Of odometry meanwhile. [m]
@@ -55,8 +50,10 @@ IndexedVector<SightingIndex, bool> ConfirmedSightings(
     std::vector<Eigen::Vector2d> positions;
     std::vector<double> variances;
     for (const SightingIndex s : visit.sightings) {
-      positions.push_back(poses[run.sightings[s].frame] * observations[s].z);
-      variances.push_back(observations[s].cov_z->trace());
+      const Observation& observation = observations[s];
+      positions.push_back(poses[run.sightings[s].frame] * observation.PositionInVehicle());
+      variances.push_back(
+          PositionNoiseInVehicle(observation, ObservationNoise(observation, sensor)).trace());
     }
     for (std::size_t i = 0; i < positions.size(); ++i) {
       for (std::size_t j = i + 1; j < std::min(positions.size(), i + 1 + kNeighbours); ++j) {
@@ -75,7 +72,8 @@ IndexedVector<SightingIndex, bool> ConfirmedSightings(
 // No pose is more certain than that, so that its covariance has an inverse. [m], [rad]
 constexpr double kMinPoseSd = 1e-5;
 
-// The smoother of Rauch, Tung and Striebel over the poses.
+// The smoother of Rauch, Tung and Striebel over the poses by themselves, without what they have in
+// common with landmarks.
 std::vector<Se2> Smoothed(const std::vector<Step>& steps) {
   std::vector<Se2> poses;
   for (const Step& step : steps) poses.push_back(step.filtered.T_map_vehicle);
@@ -91,23 +89,6 @@ std::vector<Se2> Smoothed(const std::vector<Step>& steps) {
   return poses;
 }
 
-// Corrects a pose by a landmark that stands at `place`, unless it does not gate: then it moved, or
-// was misread.
-void CorrectBy(const Observation& observation,
-               const Eigen::Vector2d& place,
-               PoseWithCovariance* pose) {
-  constexpr double kPlaceSd = 0.3;  // Of where the filter left landmarks, to each other. [m]
-  static const double gate = ChiSquareQuantile(0.999, 2);
-  const Innovation innovation = Linearize(observation, pose->T_map_vehicle, place);
-  const Eigen::Matrix<double, 3, 2> PHt = pose->cov_T_map_vehicle * innovation.H_pose.transpose();
-  const Eigen::Matrix2d S = innovation.H_pose * PHt + *observation.cov_z +
-                            kPlaceSd * kPlaceSd * Eigen::Matrix2d::Identity();
-  if (!(SquaredMahalanobis(innovation.nu, S) <= gate)) return;
-  const Eigen::Matrix<double, 3, 2> gain = PHt * S.inverse();
-  pose->T_map_vehicle = pose->T_map_vehicle * Se2::Exp(gain * innovation.nu);
-  pose->cov_T_map_vehicle = Symmetrized(pose->cov_T_map_vehicle - gain * PHt.transpose());
-}
-
 }  // namespace
 
 std::vector<Se2> EstimateTrajectoryByEkf(const MappingRun& run,
@@ -115,35 +96,26 @@ std::vector<Se2> EstimateTrajectoryByEkf(const MappingRun& run,
                                          const Calibration& calibration) {
   SlamState state(calibration);
   GatedLandmarks landmarks;
-  const auto observations = PositionObservations(run, calibration.sensor);
-  const auto confirmed = ConfirmedSightings(run, observations, motions);
-  const auto for_confirmed = [&](FrameIndex i, const auto& use) {
-    for (const SightingIndex s : run.frames[i].sightings()) {
-      if (confirmed[s]) use(run.visits[run.sightings[s].visit].group.value(), observations[s]);
-    }
-  };
-  for (const FrameIndex i : run.frames.indices()) {
-    if (i > 0) state.Predict(MotionFrom(motions, i - 1, state.Odometry()));
-    for_confirmed(i, [&](int group, const Observation& observation) {
-      state.Focus(observation.z.norm());
-      landmarks.Observe(group, observation, &state);
-    });
-  }
-  state.Settle();
   std::vector<Step> steps;
-  PoseWithCovariance pose;
+  const auto observations = CorrectedObservations(run, calibration.sensor);
+  const auto confirmed = ConfirmedSightings(run, observations, motions, calibration.sensor);
   for (const FrameIndex i : run.frames.indices()) {
+    const KeyFrame& frame = run.frames[i];
     Step& step = steps.emplace_back();
     if (i > 0) {
       const MotionIncrement motion = MotionFrom(motions, i - 1, state.Odometry());
       step.F = motion.T_begin_end.InverseAdjoint();
-      pose = Moved(pose, motion);
+      state.Predict(motion);
     }
-    step.predicted = pose;
-    for_confirmed(i, [&](int group, const Observation& observation) {
-      CorrectBy(observation, state.Position(landmarks.IdOf(group)), &pose);
-    });
-    step.filtered = pose;
+    step.predicted = PoseOf(state);
+    for (const SightingIndex s : frame.sightings()) {
+      if (!confirmed[s]) continue;
+      const Observation& observation = observations[s];
+      state.Focus(observation.PositionInVehicle().norm());
+      const GroupIndex group = run.visits[run.sightings[s].visit].group;
+      landmarks.Observe(group.value(), observation, &state);
+    }
+    step.filtered = PoseOf(state);
   }
   return Smoothed(steps);
 }

@@ -15,8 +15,8 @@ namespace shiftmap {
 ///
 /// EKF-SLAM over the pose, (log scale_v, log scale_omega) of the odometry and one position per
 /// landmark (SlamState): what moved, or was misread, does not gate and is skipped. A frame costs
-/// the square of the landmarks around the vehicle. A filter that closes a loop corrects its map,
-/// but does not go back to where it has been: a second one, of the pose on that map, is smoothed.
+/// the square of the landmarks around the vehicle. At the end poses are smoothed: a filter that
+/// closes a loop corrects its map, but does not go back to where it has been.
 /// @param motions      Of the run.
 /// @param calibration  Of odometry and sensor, systematic errors of the sensor included.
 /// @return One pose per key frame, T_start_vehicle.

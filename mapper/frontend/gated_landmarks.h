@@ -17,9 +17,6 @@ class GatedLandmarks {
   /// Corrects `state` by an observation of landmark `number`, or adds the landmark.
   void Observe(int number, const Observation& observation, SlamState* state);
 
-  /// In the state. Precondition: landmark `number` was observed.
-  int IdOf(int number) const { return landmarks_.at(number).id; }
-
  private:
   struct Landmark {
     int id = 0;  // In the state.
