@@ -32,7 +32,7 @@ struct MappedRun {
   int near_observations = 0;       ///< Too near to tell a bearing: left out.
   int anonymous_observations = 0;  ///< Without a signature, also not associated: left out.
   double chi2 = 0.0;  ///< Sum of squared standardized residuals of the explained observations.
-  double variance_factor = 1.0;  ///< Of its errors beside the assumed noise (run_variances.h).
+  double variance_factor = 1.0;  ///< Of its errors, by the assumed noise (run_variances.h).
   Se2 T_map_start;               ///< Pose at the first odometry sample.
   OdometryCalibration odometry;
   SensorBias sensor_bias = SensorBias::Zero();

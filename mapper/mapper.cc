@@ -198,6 +198,12 @@ Status RemoveRunsOfNoMode(BuildState* build) {
   return RequireRuns(!build->runs.empty(), build->left_out);
 }
 
+// Takes out what others that were taken out leave untied.
+Status RemoveUntiedRuns(BuildState* build) {
+  if (!build->runs.empty()) RemoveUnconstrainedRuns(build);
+  return RemoveRunsOfNoMode(build);
+}
+
 // Once runs are placed, what is so many standard deviations from its mode is an outlier.
 constexpr double kLossReach = 50.0;
 
@@ -236,27 +242,8 @@ Status RemoveUnsupported(const MapperOptions& options, BuildState* build) {
     return InvalidArgument("no run can be used: none has {} sightings of one landmark",
                            options.modes.min_sightings);
   }
-  RemoveUnconstrainedRuns(build);
-  SHIFTMAP_RETURN_IF_ERROR(RemoveRunsOfNoMode(build));
+  SHIFTMAP_RETURN_IF_ERROR(RemoveUntiedRuns(build));
   if (!options.calibrate) SolveContinuous(options, build);  // Else with the noise.
-  return OkStatus();
-}
-
-// Takes out runs that only together with others come to a calibration that no vehicle has.
-Status RemoveImplausibleRuns(const MapperOptions& options, BuildState* build) {
-  const auto first =
-      std::remove_if(build->runs.begin(), build->runs.end(), [&](const BuildRun& run) {
-        std::string reason = ImplausibleCalibration(run, build->sensor);
-        if (reason.empty()) return false;
-        build->left_out.push_back({run.data->name, std::move(reason)});
-        return true;
-      });
-  if (first == build->runs.end()) return OkStatus();
-  build->runs.erase(first, build->runs.end());
-  DropUnusedModes(build);
-  if (!build->runs.empty()) RemoveUnconstrainedRuns(build);
-  SHIFTMAP_RETURN_IF_ERROR(RemoveRunsOfNoMode(build));
-  SolveContinuous(options, build);
   return OkStatus();
 }
 
@@ -278,7 +265,10 @@ StatusOr<int> RefineTogether(const MapperOptions& options, Watch* watch, BuildSt
     SHIFTMAP_RETURN_IF_ERROR(watch->status());
     SHIFTMAP_RETURN_IF_ERROR(RemoveRunsOfNoMode(build));
   }
-  SHIFTMAP_RETURN_IF_ERROR(RemoveImplausibleRuns(options, build));
+  if (RemoveImplausibleRuns(build) > 0) {
+    SHIFTMAP_RETURN_IF_ERROR(RemoveUntiedRuns(build));
+    SolveContinuous(options, build);
+  }
   if (EstimateRunVariances(options, build)) SolveContinuous(options, build, &solver);
   return iterations;
 }
@@ -330,14 +320,9 @@ StatusOr<BuildState> PlaceRuns(const std::vector<MappingRun>& runs,
 // A prior map that knows its scale better than sensors do lost nothing of it (RemoveScale).
 ScaleUncertainty ScaleOf(const MapperOptions& options, const BuildState& build) {
   ScaleUncertainty scale{std::max(options.sd_range_scale, build.sd_scale),
-                         options.sd_run_range_scale};
-  if (build.in_map_units) {
-    if (build.sd_scale == 0.0) scale.sd_common = 0.0;
-    return scale;
-  }
-  const auto runs = RunsByVehicle(build);
-  if (runs.size() < 2) return scale;
-  for (const auto& [vehicle, of_vehicle] : runs) scale.runs_of_vehicles.push_back(of_vehicle);
+                         options.sd_run_range_scale,
+                         RunsOfOwnScales(build)};
+  if (build.in_map_units && build.sd_scale == 0.0) scale.sd_common = 0.0;
   return scale;
 }
 
@@ -364,8 +349,7 @@ Status LinearizeWhatIsDetermined(const MapperOptions& options,
                                  SolvedGraph* solved) {
   Linearize(options, build, solved);
   if (!solved->posterior && RemoveUndeterminedRuns(options, build) > 0) {
-    RemoveUnconstrainedRuns(build);
-    SHIFTMAP_RETURN_IF_ERROR(RemoveRunsOfNoMode(build));
+    SHIFTMAP_RETURN_IF_ERROR(RemoveUntiedRuns(build));
     build->disagreement = {};  // It is of other runs and modes.
     SolveContinuous(options, build);
     if (build->priors.empty()) AnchorFrame(build);
@@ -382,8 +366,7 @@ Status FitModes(const MapperOptions& options, BuildSize* size, BuildState* build
     size->modes = FlatModes(*build).end.value();
     const Status fits = CheckBuildMemory(*size, options.max_memory_bytes);
     if (fits.ok() || !RemoveRunWithMostModes(build)) return fits;
-    RemoveUnconstrainedRuns(build);
-    SHIFTMAP_RETURN_IF_ERROR(RemoveRunsOfNoMode(build));
+    SHIFTMAP_RETURN_IF_ERROR(RemoveUntiedRuns(build));
     if (build->priors.empty()) AnchorFrame(build);
   }
 }

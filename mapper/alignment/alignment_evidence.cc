@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "localizer/hypothesis/log_math.h"
+#include "mapper/rows.h"
 #include "mapstore/geometry/covariance.h"
 #include "mapstore/geometry/se2.h"
 

@@ -32,15 +32,6 @@ struct Match {
 /// All pairs of modes of one group: by group, those of a mode of the other map one after another.
 std::vector<Match> CandidateMatches(const AlignmentPoints& reference, const AlignmentPoints& other);
 
-/// The row of a point's x in a vector or covariance of points, stacked (x, y).
-constexpr Eigen::Index RowOf(std::integral auto point) {
-  return 2 * static_cast<Eigen::Index>(point);
-}
-template <typename Tag>
-constexpr Eigen::Index RowOf(TypedIndex<Tag> point) {
-  return 2 * point;
-}
-
 struct AlignmentOptions {
   /// Fewer agreeing signatures than this are no alignment: two may agree by accident.
   int min_signatures = 3;

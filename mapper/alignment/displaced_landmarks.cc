@@ -15,6 +15,7 @@
 
 #include "localizer/hypothesis/log_math.h"
 #include "mapper/alignment/consensus.h"
+#include "mapper/rows.h"
 
 namespace shiftmap {
 namespace {

@@ -7,7 +7,7 @@
 
 namespace shiftmap {
 
-/// What of explanations is told apart.
+/// When explanations count as different.
 struct ExplanationLimits {
   /// Transforms that place all landmarks this alike are one frame. [m]
   double same_frame_m = 0.4;

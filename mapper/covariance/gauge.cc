@@ -2,10 +2,11 @@
 #include "mapper/covariance/gauge.h"
 
 #include <Eigen/Eigenvalues>
-#include <Eigen/QR>
 #include <utility>
 
 #include "mapstore/geometry/covariance.h"
+#include "mapstore/geometry/se2.h"
+#include "mapstore/run/trajectory.h"
 
 namespace shiftmap {
 namespace {
@@ -31,11 +32,18 @@ Eigen::MatrixXd Whitening(const Eigen::MatrixXd& cov) {
 
 }  // namespace
 
-Eigen::MatrixXd ShapeDirections(const std::vector<Eigen::Vector2d>& positions) {
-  Eigen::MatrixXd others(2 * std::ssize(positions), 4);
-  others << GaugeDirections(positions), OffsetsFromCentroid(positions);
-  const Eigen::MatrixXd basis = Eigen::HouseholderQR<Eigen::MatrixXd>(others).householderQ();
-  return basis.rightCols(others.rows() - others.cols());
+std::optional<Eigen::VectorXd> AlignedDifference(const std::vector<Eigen::Vector2d>& positions,
+                                                 const std::vector<Eigen::Vector2d>& others) {
+  std::vector<PointPair> pairs;
+  for (std::size_t i = 0; i < positions.size(); ++i) pairs.push_back({positions[i], others[i]});
+  const StatusOr<Se2> T_own_other = AlignRigid2d(pairs);
+  if (!T_own_other.ok()) return std::nullopt;
+  Eigen::VectorXd difference(2 * std::ssize(positions));
+  for (std::size_t i = 0; i < positions.size(); ++i) {
+    difference.segment<2>(static_cast<Eigen::Index>(2 * i)) =
+        *T_own_other * others[i] - positions[i];
+  }
+  return difference;
 }
 
 Eigen::Matrix2d ReferBlock(const STransformation& change,

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <optional>
 #include <vector>
 
 #include "mapper/graph/graph.h"
@@ -9,9 +10,10 @@
 
 namespace shiftmap {
 
-/// The other directions: those in which all positions neither move, turn nor grow together,
-/// orthonormal columns (2n x 2n - 4). Precondition: two positions that differ.
-Eigen::MatrixXd ShapeDirections(const std::vector<Eigen::Vector2d>& positions);
+/// How other places of the same points differ from positions once they are rigidly aligned to them,
+/// two rows each. Nothing if these do not determine the rotation. [m]
+std::optional<Eigen::VectorXd> AlignedDifference(const std::vector<Eigen::Vector2d>& positions,
+                                                 const std::vector<Eigen::Vector2d>& others);
 
 /// Refers a joint covariance of positions to the positions as a whole, P' = (I - GGᵀ) P (I - GGᵀ)
 /// with G the gauge directions: the inner-constraint solution of surveying. It does not depend on

@@ -11,6 +11,7 @@
 
 #include "mapper/covariance/gauge.h"
 #include "mapper/covariance/mode_covariance.h"
+#include "mapper/rows.h"
 
 namespace shiftmap {
 namespace {
@@ -21,15 +22,6 @@ std::vector<std::vector<int>> Sets(const JointCovariance& cov) {
   std::vector<int> all(static_cast<std::size_t>(cov.size()));
   std::iota(all.begin(), all.end(), 0);
   return {std::move(all)};
-}
-
-std::vector<Eigen::Index> RowsOf(const std::vector<int>& modes) {
-  std::vector<Eigen::Index> rows;
-  for (const int mode : modes) {
-    const Eigen::Index row = Eigen::Index{2} * mode;
-    rows.insert(rows.end(), {row, row + 1});
-  }
-  return rows;
 }
 
 // The largest variance v for which P' - v q qᵀ is a covariance: 1 / qᵀP'⁻¹q.

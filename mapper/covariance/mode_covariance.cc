@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "mapper/covariance/gauge.h"
+#include "mapper/rows.h"
 #include "proto/core/check.h"
 
 namespace shiftmap {
@@ -107,10 +108,7 @@ Eigen::MatrixXd PriorInformation(const Graph& graph) {
   const Eigen::Index rows = 2 * graph.modes.end_index();
   Eigen::MatrixXd information = Eigen::MatrixXd::Zero(rows, rows);
   for (const GraphPrior& prior : graph.priors) {
-    std::vector<Eigen::Index> at;
-    for (const ModeIndex mode : prior.modes) {
-      at.insert(at.end(), {Eigen::Index{2} * mode, Eigen::Index{2} * mode + 1});
-    }
+    const std::vector<Eigen::Index> at = RowsOf(prior.modes);
     information(at, at) += prior.information;
   }
   return information;
@@ -161,11 +159,12 @@ JointCovariance MapCovariance(const Graph& graph,
                               const ScaleUncertainty& scale,
                               const MapDisagreement& disagreement) {
   if (IsTiled(graph)) return TiledCovariance(graph, posterior, scale, disagreement);
-  const Eigen::MatrixXd P = posterior.ModeCovariance();
-  const Eigen::MatrixXd of_prior = P * PriorInformation(graph) * P;
+  Eigen::MatrixXd P = posterior.ModeCovariance();
+  if (disagreement.factor > 1.0) {
+    P += (disagreement.factor - 1.0) * (P - P * PriorInformation(graph) * P);
+  }
   const Eigen::MatrixXd root = ScaleRoot(graph, posterior, GaugeDirections(graph.modes), scale);
-  Eigen::MatrixXd cov =
-      ReferToPositions(graph.modes, P + (disagreement.factor - 1.0) * (P - of_prior));
+  Eigen::MatrixXd cov = ReferToPositions(graph.modes, std::move(P));
   cov += root * root.transpose();
   for (const auto& [mode, of_mode] : disagreement.of_modes) {
     cov.block<2, 2>(2 * mode, 2 * mode) += of_mode;

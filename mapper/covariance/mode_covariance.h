@@ -65,7 +65,7 @@ struct ScaleUncertainty {
   std::vector<std::vector<RunIndex>> runs_of_vehicles = {};
 };
 
-/// By how much more runs disagree with each other and with the prior map than they tell.
+/// The disagreement of runs with each other and with the prior map beyond their covariances.
 struct MapDisagreement {
   /// A variance factor of all runs that does not change how they weigh against the prior map.
   double factor = 1.0;

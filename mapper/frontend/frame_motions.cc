@@ -109,4 +109,16 @@ IndexedVector<FrameIndex, Se2> DeadReckon(const FrameMotions& motions) {
   return poses;
 }
 
+IndexedVector<FrameIndex, Se2> DeadReckon(const MappingRun& run,
+                                          const OdometryCalibration& calibration) {
+  IndexedVector<FrameIndex, Se2> poses(1);
+  std::size_t hint = 0;
+  for (FrameIndex i; i + 1 < run.frames.end_index(); ++i) {
+    const IntegratedMotion motion = IntegrateOdometry(
+        run.odometry, run.frames[i].stamp, run.frames[i + 1].stamp, calibration, &hint);
+    poses.push_back(poses.back() * motion.T_begin_end);
+  }
+  return poses;
+}
+
 }  // namespace shiftmap

@@ -47,4 +47,8 @@ MotionIncrement MotionFrom(const FrameMotions& motions,
 /// Poses of key frames by motions alone, in the frame of the first one.
 IndexedVector<FrameIndex, Se2> DeadReckon(const FrameMotions& motions);
 
+/// The same by the odometry of a run at some calibration.
+IndexedVector<FrameIndex, Se2> DeadReckon(const MappingRun& run,
+                                          const OdometryCalibration& calibration);
+
 }  // namespace shiftmap

@@ -32,7 +32,7 @@ struct Count {
 };
 
 std::vector<Vote> VotesOf(const MappingRun& run, const OdometryCalibration& odometry) {
-  const IndexedVector<FrameIndex, Se2> poses = DeadReckon(IntegrateMotions(run, odometry));
+  const IndexedVector<FrameIndex, Se2> poses = DeadReckon(run, odometry);
   std::vector<Vote> votes;
   for (const VisitIndex v : run.visits.indices()) {
     const std::vector<SightingIndex>& sightings = run.visits[v].sightings;

@@ -11,7 +11,8 @@ namespace shiftmap {
 ///
 /// A velocity that walks at random, told by samples u_j with white noise, has the mean
 /// Σ ρ^|j - k| u_j / Σ ρ^|j - k| at sample k (Muth, JASA 55, 1960). v and omega have each the ρ of
-/// a grid with which the others tell a sample best: 0 without noise, almost 1 where noise is all.
+/// a grid by which the other samples predict each one best: 0 without noise, almost 1 where the
+/// samples are noise alone.
 /// @param odometry  By non-decreasing stamp.
 std::vector<OdometrySample> SmoothOdometry(const std::vector<OdometrySample>& odometry);
 

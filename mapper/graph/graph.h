@@ -39,8 +39,8 @@ struct GraphRun {
   SensorBias sensor_bias = SensorBias::Zero();
   SensorBias sensor_bias_sd = SensorBias::Ones();
 
-  /// What the losses of this run's motions and observations are divided by: their errors are
-  /// correlated, so that they tell less than as many independent ones of the same noise.
+  /// Divides the losses of this run's motions and observations: correlated errors carry less
+  /// information than independent ones of the same noise.
   double variance_factor = 1.0;
 };
 

@@ -181,4 +181,16 @@ int DropUnsupportedModes(const ModeOptions& options, BuildState* build) {
   return dropped;
 }
 
+BuildState RunByItself(const BuildState& build, RunIndex run) {
+  BuildState alone;
+  alone.sensor = build.sensor;
+  alone.modes = build.modes;
+  for (GroupModes& group : alone.modes) {
+    for (BuildMode& mode : group) mode.number = kAbsent;
+  }
+  alone.runs.push_back(build.runs[run]);
+  DropUnusedModes(&alone);
+  return alone;
+}
+
 }  // namespace shiftmap

@@ -48,6 +48,9 @@ class MergeMemory {
 /// recurs later.
 void DropUnusedModes(BuildState* build);
 
+/// A run of a build by itself with the modes that it has, none of them of a prior map.
+BuildState RunByItself(const BuildState& build, RunIndex run);
+
 /// Drops modes that explain fewer sightings than a mode needs (ModeOptions::min_sightings), except
 /// those of the prior map; their visits are left unassigned. A run by itself is better aligned with
 /// them, but a landmark seen once may be a misread signature, and misread ones here and there hold

@@ -4,9 +4,11 @@
 #include <algorithm>
 #include <cstddef>
 #include <memory>
+#include <string>
 #include <utility>
 #include <vector>
 
+#include "mapper/calibration/implausible_calibration.h"
 #include "mapper/covariance/mode_covariance.h"
 #include "mapper/modes/mode_merging.h"
 
@@ -22,10 +24,8 @@ class Ties {
       : modes_(build.runs.size()), runs_(FlatModes(build).count()), priors_(build.priors) {
     const FlatModes flat(build);
     for (const RunIndex r : build.runs.indices()) {
-      for (const auto& [group, mode] : ModesOf(build.runs[r])) {
-        modes_[r].push_back(flat.Index(group, mode));
-        runs_[modes_[r].back()].push_back(r);
-      }
+      modes_[r] = flat.Of(build.runs[r]);
+      for (const ModeIndex mode : modes_[r]) runs_[mode].push_back(r);
     }
   }
 
@@ -91,37 +91,43 @@ RunFlags MostTied(const BuildState& build) {
   return most;
 }
 
-// Leaves the others out for `reason`, and the modes that only they have.
-void KeepRuns(const RunFlags& keep, const char* reason, BuildState* build) {
+// Why each run is left out; empty: it stays.
+using Reasons = IndexedVector<RunIndex, std::string>;
+
+// Leaves runs out, and the modes that only they have. Returns how many.
+int LeaveOut(const Reasons& reasons, BuildState* build) {
   std::vector<BuildRun> kept;
-  for (const RunIndex r : keep.indices()) {
-    if (keep[r]) {
+  for (const RunIndex r : reasons.indices()) {
+    if (reasons[r].empty()) {
       kept.push_back(std::move(build->runs[r]));
     } else {
-      build->left_out.push_back({build->runs[r].data->name, reason});
+      build->left_out.push_back({build->runs[r].data->name, reasons[r]});
     }
   }
+  const auto left = static_cast<int>(reasons.size() - kept.size());
   build->runs = std::move(kept);
-  DropUnusedModes(build);
+  if (left > 0) DropUnusedModes(build);
+  return left;
+}
+
+// All but some for one reason.
+int KeepRuns(const RunFlags& keep, const char* reason, BuildState* build) {
+  Reasons reasons;
+  for (const bool kept : keep) reasons.push_back(kept ? "" : reason);
+  return LeaveOut(reasons, build);
 }
 
 }  // namespace
 
 int RemoveUnconstrainedRuns(BuildState* build) {
   if (build->runs.size() == 1 && build->priors.empty()) return 0;
-  const RunFlags tied = MostTied(*build);
-  const auto loose = static_cast<int>(std::count(tied.begin(), tied.end(), false));
-  if (loose == 0) return 0;
-  KeepRuns(tied, kUnconstrainedReason, build);
-  return loose;
+  return KeepRuns(MostTied(*build), kUnconstrainedReason, build);
 }
 
 int RemoveRunsOfOutliers(BuildState* build) {
   RunFlags keep;
   for (const BuildRun& run : build->runs) keep.push_back(!ModesOf(run).empty());
-  const auto empty = static_cast<int>(std::count(keep.begin(), keep.end(), false));
-  if (empty > 0) KeepRuns(keep, kOutliersReason, build);
-  return empty;
+  return KeepRuns(keep, kOutliersReason, build);
 }
 
 bool RemoveRunWithMostModes(BuildState* build) {
@@ -143,8 +149,15 @@ int RemoveUndeterminedRuns(const MapperOptions& options, BuildState* build) {
     const std::unique_ptr<GraphPosterior> posterior = LinearizeForMap(graph);
     determined.push_back(posterior && IsDetermined(MapCovariance(graph, *posterior, {}, {})));
   }
-  KeepRuns(determined, kUndeterminedReason, build);
-  return static_cast<int>(std::count(determined.begin(), determined.end(), false));
+  return KeepRuns(determined, kUndeterminedReason, build);
+}
+
+int RemoveImplausibleRuns(BuildState* build) {
+  Reasons reasons;
+  for (const BuildRun& run : build->runs) {
+    reasons.push_back(ImplausibleCalibration(run, build->sensor));
+  }
+  return LeaveOut(reasons, build);
 }
 
 }  // namespace shiftmap

@@ -42,4 +42,8 @@ inline constexpr char kUndeterminedReason[] = "its sightings do not determine it
 /// build of which that is true as a whole. Otherwise as RemoveUnconstrainedRuns().
 int RemoveUndeterminedRuns(const MapperOptions& options, BuildState* build);
 
+/// Takes out runs of a calibration that no vehicle has (ImplausibleCalibration), as some come to
+/// only together with others. Otherwise as RemoveUnconstrainedRuns().
+int RemoveImplausibleRuns(BuildState* build);
+
 }  // namespace shiftmap

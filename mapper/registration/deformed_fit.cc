@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "mapper/covariance/gauge.h"
+#include "mapper/rows.h"
 #include "mapstore/geometry/covariance.h"
 
 namespace shiftmap {

@@ -12,6 +12,7 @@
 #include "mapper/covariance/gauge.h"
 #include "mapper/covariance/mode_covariance.h"
 #include "mapper/registration/deformed_fit.h"
+#include "mapper/rows.h"
 
 namespace shiftmap {
 namespace {

@@ -16,7 +16,7 @@ namespace shiftmap {
 /// run map. Nothing if nothing is in doubt.
 /// @param frame    The alternatives and what stays in them.
 /// @param decided  What is as probable as that is in no doubt.
-/// @param apart    Which modes of the run map are told apart.
+/// @param apart    Modes of the run map that differ significantly from the nearest of the map.
 /// @param matches  Of the run map, moved into the map frame.
 std::optional<KeptAlternatives> KeepAlternatives(const StayedPosterior& frame,
                                                  double decided,

@@ -53,13 +53,7 @@ std::vector<BuildModeRef> SharedModes(const BuildState& build, RunIndex run) {
 
 RunAlone TakeAlone(const BuildState& build, RunIndex run, const std::vector<BuildModeRef>& shared) {
   RunAlone alone;
-  alone.build.sensor = build.sensor;
-  alone.build.modes = build.modes;
-  for (GroupModes& group : alone.build.modes) {
-    for (BuildMode& mode : group) mode.number = kAbsent;
-  }
-  alone.build.runs.push_back(build.runs[run]);
-  DropUnusedModes(&alone.build);
+  alone.build = RunByItself(build, run);
   const std::vector<BuildModeRef> own = ModesOf(build.runs[run]);  // In their flat order.
   for (const BuildModeRef& mode : shared) {
     const auto at = std::lower_bound(own.begin(), own.end(), mode);

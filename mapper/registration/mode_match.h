@@ -27,14 +27,6 @@ using ModePlaces = IndexedVector<ModeIndex, std::optional<Eigen::Vector2d>>;
 /// Per mode of a build, flat.
 IndexedVector<ModeIndex, GroupIndex> GroupsOfModes(const BuildState& build);
 
-/// The rows of modes or points in a vector or covariance, stacked (x, y).
-template <typename Index>
-std::vector<Eigen::Index> RowsOf(const std::vector<Index>& points) {
-  std::vector<Eigen::Index> rows;
-  for (const Index point : points) rows.insert(rows.end(), {RowOf(point), RowOf(point) + 1});
-  return rows;
-}
-
 /// Modes that count.
 using ModeFilter = std::function<bool(GroupIndex, GroupModeIndex)>;
 

@@ -5,6 +5,7 @@
 
 #include "mapper/covariance/gauge.h"
 #include "mapper/covariance/mode_covariance.h"
+#include "mapper/rows.h"
 
 namespace shiftmap {
 namespace {

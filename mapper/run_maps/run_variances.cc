@@ -14,9 +14,9 @@
 #include "mapper/covariance/gauge.h"
 #include "mapper/modes/mode_merging.h"
 #include "mapper/parallel.h"
+#include "mapper/rows.h"
 #include "mapper/run_maps/variance_factor.h"
 #include "mapstore/geometry/covariance.h"
-#include "mapstore/geometry/se2.h"
 
 namespace shiftmap {
 namespace {
@@ -42,54 +42,20 @@ constexpr double kAsExpected = 1.5;
 // Fewer modes have no outliers.
 constexpr int kMinModes = 6;
 
-// Fewer modes have no shape.
-constexpr std::size_t kMinShape = 3;
-
-// A run of a build by itself, with the modes that it has.
-BuildState RunByItself(const BuildState& build, RunIndex run) {
-  BuildState alone;
-  alone.sensor = build.sensor;
-  alone.loss_reach = build.loss_reach;
-  alone.modes = build.modes;
-  for (GroupModes& group : alone.modes) {
-    for (BuildMode& mode : group) mode.number = kAbsent;
-  }
-  alone.runs.push_back(build.runs[run]);
-  DropUnusedModes(&alone);
-  return alone;
-}
-
 // What a run by itself tells of its variance.
 struct RunVariance {
   double factor = 1.0;
   Disagreement disagreement;  // With the build, under that factor.
 };
 
-// How the positions of a build's modes differ from others as a whole, two rows a mode. [m]
-std::optional<Eigen::VectorXd> DifferenceOf(
-    const IndexedVector<ModeIndex, Eigen::Vector2d>& own,
-    const IndexedVector<ModeIndex, Eigen::Vector2d>& other) {
-  std::vector<PointPair> pairs;
-  for (const ModeIndex m : own.indices()) pairs.push_back({own[m], other[m]});
-  const StatusOr<Se2> T_own_other = AlignRigid2d(pairs);
-  if (!T_own_other.ok()) return std::nullopt;
-  Eigen::VectorXd difference(2 * own.end_index());
-  for (const ModeIndex m : own.indices()) {
-    difference.segment<2>(2 * m) = *T_own_other * other[m] - own[m];
-  }
-  return difference;
-}
-
 // What the scales of ranges that vehicles do not share do to the modes of the build, in standard
 // deviations, two rows a mode: runs that do not tell their scales differ by that too. [m]
 Eigen::MatrixXd ScaleRoot(const MapperOptions& options, BuildState* build) {
-  const auto vehicles = RunsByVehicle(*build);
-  if (build->in_map_units || vehicles.size() < 2) return {};
+  const std::vector<std::vector<RunIndex>> runs = RunsOfOwnScales(*build);
+  if (runs.empty()) return {};
   const Graph graph = MakeGraph(options, build);
   const std::unique_ptr<GraphPosterior> posterior = LinearizeGraph(graph);
   if (!posterior) return {};
-  std::vector<std::vector<RunIndex>> runs;
-  for (const auto& [vehicle, of_vehicle] : vehicles) runs.push_back(of_vehicle);
   return options.sd_run_range_scale * posterior->ModesByRangeScale(runs);
 }
 
@@ -107,13 +73,14 @@ std::optional<RunVariance> VarianceOf(const MapperOptions& options,
                                       const Eigen::MatrixXd& scale_root,
                                       BuildState alone) {
   const IndexedVector<ModeIndex, Eigen::Vector2d> joint = ModePositions(alone);
-  if (joint.size() < kMinShape || std::ssize(joint) > options.confirmation.max_modes) {
+  if (joint.size() < ShapeCovariance::kMinModes ||
+      std::ssize(joint) > options.confirmation.max_modes) {
     return std::nullopt;
   }
   const Graph graph = is_solved ? MakeGraph(options, &alone) : SolveContinuous(options, &alone);
   const std::optional<ShapeCovariance> shape = ShapeCovariance::Of(graph);
   if (!shape) return std::nullopt;
-  const std::optional<Eigen::VectorXd> difference = DifferenceOf(graph.modes, joint);
+  const std::optional<Eigen::VectorXd> difference = AlignedDifference(graph.modes, joint);
   if (!difference) return std::nullopt;
   const double factor = VarianceFactor(graph, *shape, options.seed);
   const double dof = static_cast<double>(difference->size()) - kGauge;
@@ -200,13 +167,10 @@ MapDisagreement MapDisagreementOf(const BuildState& build, const RunVariances& v
   };
   bool all_compared = true;
   for (const RunIndex r : variances.indices()) {
-    std::vector<ModeIndex> modes;
-    for (const BuildModeRef& mode : ModesOf(build.runs[r])) {
-      modes.push_back(flat.Index(mode.group, mode.mode));
-    }
+    const std::vector<ModeIndex> modes = flat.Of(build.runs[r]);
     if (variances[r]) {
       add(modes, variances[r]->disagreement);
-    } else if (modes.size() >= kMinShape) {
+    } else if (modes.size() >= ShapeCovariance::kMinModes) {
       all_compared = false;
     }
   }
@@ -241,14 +205,13 @@ bool EstimateRunVariances(const MapperOptions& options, BuildState* build) {
   RunVariances variances(build->runs.size());
   ForEachIndex(variances.size(), options.threads, [&](std::size_t i) {
     const RunIndex r(i);
-    std::vector<Eigen::Index> rows;
-    for (const BuildModeRef& mode : ModesOf(build->runs[r])) {
-      const Eigen::Index row = 2 * flat.Index(mode.group, mode.mode);
-      rows.insert(rows.end(), {row, row + 1});
-    }
     const Eigen::MatrixXd of_run =
-        scale_root.cols() > 0 ? Eigen::MatrixXd(scale_root(rows, Eigen::all)) : scale_root;
-    variances[r] = VarianceOf(of_one, is_alone, of_run, RunByItself(*build, r));
+        scale_root.cols() > 0
+            ? Eigen::MatrixXd(scale_root(RowsOf(flat.Of(build->runs[r])), Eigen::all))
+            : scale_root;
+    BuildState alone = RunByItself(*build, r);
+    alone.loss_reach = build->loss_reach;
+    variances[r] = VarianceOf(of_one, is_alone, of_run, std::move(alone));
   });
   build->disagreement = MapDisagreementOf(*build, variances);
   double in_weights = 1.0;

@@ -80,7 +80,7 @@ double VarianceFactor(const Graph& graph, const ShapeCovariance& shape, std::uin
 double VarianceFactor(const MapperOptions& options, const BuildState& build) {
   BuildState own = build;
   const Graph graph = MakeGraph(options, &own);
-  if (graph.modes.size() <= 2) return 1.0;
+  if (graph.modes.size() < ShapeCovariance::kMinModes) return 1.0;
   const std::optional<ShapeCovariance> shape = ShapeCovariance::Of(graph);
   return shape ? VarianceFactor(graph, *shape, options.seed) : kUnknown;
 }

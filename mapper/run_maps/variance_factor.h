@@ -16,8 +16,11 @@ namespace shiftmap {
 /// translate nor rotate nor scale all of them, which are the directions G.
 class ShapeCovariance {
  public:
+  /// Fewer modes have no shape.
+  static constexpr std::size_t kMinModes = 3;
+
   /// Nothing if the build does not determine its modes.
-  /// @param graph  Solved, of three modes and more; it must outlive this.
+  /// @param graph  Solved, of kMinModes and more; it must outlive this.
   static std::optional<ShapeCovariance> Of(const Graph& graph);
 
   /// Qδ in standard deviations, of changes δ of the modes, two rows a mode.

@@ -75,6 +75,12 @@ FlatModes::FlatModes(const BuildState& build) {
   }
 }
 
+std::vector<ModeIndex> FlatModes::Of(const BuildRun& run) const {
+  std::vector<ModeIndex> modes;
+  for (const auto& [group, mode] : ModesOf(run)) modes.push_back(Index(group, mode));
+  return modes;
+}
+
 IndexedVector<ModeIndex, Eigen::Vector2d> ModePositions(const BuildState& build) {
   IndexedVector<ModeIndex, Eigen::Vector2d> positions;
   for (const GroupModes& group : build.modes) {
@@ -88,6 +94,14 @@ std::map<std::string, std::vector<RunIndex>> RunsByVehicle(const BuildState& bui
   for (const RunIndex r : build.runs.indices()) {
     runs[build.runs[r].data->info.vehicle].push_back(r);
   }
+  return runs;
+}
+
+std::vector<std::vector<RunIndex>> RunsOfOwnScales(const BuildState& build) {
+  std::vector<std::vector<RunIndex>> runs;
+  const auto by_vehicle = RunsByVehicle(build);
+  if (build.in_map_units || by_vehicle.size() < 2) return runs;
+  for (const auto& [vehicle, of_vehicle] : by_vehicle) runs.push_back(of_vehicle);
   return runs;
 }
 

@@ -135,6 +135,8 @@ struct FlatModes {
   ModeIndex Index(GroupIndex group, GroupModeIndex mode) const {
     return first[group] + mode.value();
   }
+  /// ModesOf() a run, ascending.
+  std::vector<ModeIndex> Of(const BuildRun& run) const;
   std::size_t count() const { return static_cast<std::size_t>(end.value()); }
 
   IndexedVector<GroupIndex, ModeIndex> first;
@@ -146,6 +148,10 @@ IndexedVector<ModeIndex, Eigen::Vector2d> ModePositions(const BuildState& build)
 
 /// Each vehicle's runs, by its name.
 std::map<std::string, std::vector<RunIndex>> RunsByVehicle(const BuildState& build);
+
+/// The same without the names, where runs do not tell their scales and more than one vehicle has
+/// its own; else none.
+std::vector<std::vector<RunIndex>> RunsOfOwnScales(const BuildState& build);
 
 /// Modes from `first` on change by `shift`.
 void ShiftPriors(ModeIndex first, int shift, std::vector<GraphPrior>* priors);

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <utility>
 
+#include "mapper/rows.h"
 #include "mapstore/geometry/covariance.h"
 
 namespace shiftmap {

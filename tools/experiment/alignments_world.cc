@@ -10,6 +10,7 @@
 
 #include "mapper/alignment/move_prior.h"
 #include "mapper/covariance/gauge.h"
+#include "mapper/rows.h"
 #include "tools/experiment/dice.h"
 
 namespace shiftmap {

@@ -17,6 +17,7 @@
 #include "mapper/alignment/explain_alignment.h"
 #include "mapper/calibration/noise_calibration.h"
 #include "mapper/frontend/mapping_run.h"
+#include "mapper/rows.h"
 #include "mapper/run_maps/run_map.h"
 #include "mapper/run_maps/single_run.h"
 #include "mapper/run_maps/variance_factor.h"

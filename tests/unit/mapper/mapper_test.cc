@@ -165,8 +165,6 @@ TEST(BuildMap, ARunOfAnotherPlaceIsLeftOutByName) {
   EXPECT_EQ(result.runs[0].name, "run-0");
 }
 
-// Also if it is the run that sees most landmarks, with which the map would begin.
-// The oracle: the map without the run.
 // What runs say of how one hall lies to the other differs by metres.
 TEST(BuildMap, TwoPlacesFarFromEachOtherLeaveNoRunOut) {
   int left_out = 0;
@@ -182,6 +180,8 @@ TEST(BuildMap, TwoPlacesFarFromEachOtherLeaveNoRunOut) {
   EXPECT_LE(left_out, 1);  // Of 24; what is three standard deviations off in one of them may be.
 }
 
+// Also if it is the run that sees most landmarks, with which the map would begin.
+// The oracle: the map without the run.
 TEST(BuildMap, ARunOfABrokenOdometerIsLeftOut) {
   for (const std::uint64_t seed : {1, 2, 3, 4, 128}) {
     const SimulatedWorld world = Simulate(SmallWorld(seed));

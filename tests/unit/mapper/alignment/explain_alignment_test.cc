@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "mapper/alignment/enumerate_hypotheses.h"
+#include "mapper/rows.h"
 #include "tests/support/random_map.h"
 
 namespace shiftmap {

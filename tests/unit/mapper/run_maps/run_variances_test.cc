@@ -79,6 +79,16 @@ TEST(DisagreementOf, KeepsHalfOfTheModes) {
   EXPECT_GE(DisagreementOf(covariance.inverse(), difference, 20.0).dof, 10.0);
 }
 
+// Static landmarks, seen often.
+OpenWorldOptions StaticWorld(std::uint64_t seed, int runs) {
+  OpenWorldOptions options = testing::SmallWorld(seed);
+  options.modes_per_group = 1;
+  options.runs = runs;
+  options.duration_s = 300.0;
+  options.scan_rate_hz = 4.0;
+  return options;
+}
+
 // NEES per degree of freedom of maps of two runs. Their ranges are wrong for half a minute, each
 // landmark's by its own error.
 double NeesPerDof(const MapperOptions& mapper, double sd_lasting_m) {
@@ -86,12 +96,7 @@ double NeesPerDof(const MapperOptions& mapper, double sd_lasting_m) {
   std::normal_distribution<double> normal;
   testing::MapConsistency maps;
   for (std::uint64_t seed = 301; seed <= 310; ++seed) {
-    OpenWorldOptions options = testing::SmallWorld(seed);
-    options.modes_per_group = 1;
-    options.runs = 2;
-    options.duration_s = 300.0;
-    options.scan_rate_hz = 4.0;
-    SimulatedWorld world = testing::Simulate(options);
+    SimulatedWorld world = testing::Simulate(StaticWorld(seed, 2));
     for (SimulatedRun& run : world.runs) {
       std::map<std::pair<Signature, int>, double> errors;
       for (Scan& scan : run.run.scans) {
@@ -170,12 +175,7 @@ const Eigen::Vector2d kSmallMove = {0.25, 0.0};
 
 // Some static landmarks stand a little elsewhere in all runs but the first.
 SimulatedWorld WorldOfSmallMoves(std::uint64_t seed, int runs, std::size_t moved) {
-  OpenWorldOptions options = testing::SmallWorld(seed);
-  options.modes_per_group = 1;
-  options.runs = runs;
-  options.duration_s = 300.0;
-  options.scan_rate_hz = 4.0;
-  SimulatedWorld world = testing::Simulate(options);
+  SimulatedWorld world = testing::Simulate(StaticWorld(seed, runs));
   for (std::size_t r = 1; r < world.runs.size(); ++r) {
     auto at = world.runs[r].truth.begin();
     for (Scan& scan : world.runs[r].run.scans) {
