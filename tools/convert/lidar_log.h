@@ -9,11 +9,11 @@
 #include <string>
 #include <vector>
 
-#include "mapper/lidar/lidar_observations.h"
 #include "mapstore/core/stamp.h"
 #include "mapstore/run/run.h"
 #include "mapstore/run/trajectory.h"
 #include "proto/core/status.h"
+#include "tools/lidar/lidar_observations.h"
 
 namespace shiftmap {
 

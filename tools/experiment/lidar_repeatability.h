@@ -8,9 +8,9 @@
 #include <string>
 #include <vector>
 
-#include "mapper/lidar/lidar_observations.h"
 #include "proto/core/status.h"
 #include "tools/convert/lidar_log.h"
+#include "tools/lidar/lidar_observations.h"
 
 namespace shiftmap {
 

@@ -8,9 +8,9 @@
 #include <numbers>
 #include <vector>
 
-#include "mapper/lidar/lidar_observations.h"
 #include "mapstore/map/calibration.h"
 #include "proto/core/status.h"
+#include "tools/lidar/lidar_observations.h"
 #include "tools/sim/loader.h"
 #include "tools/sim/mine_site.h"
 #include "tools/sim/path_driver.h"

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "mapper/lidar/interest_points.h"
+#include "tools/lidar/interest_points.h"
 
 #include <gtest/gtest.h>
 

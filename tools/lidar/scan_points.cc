@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "mapper/lidar/scan_points.h"
+#include "tools/lidar/scan_points.h"
 
 #include <cmath>
 #include <cstddef>

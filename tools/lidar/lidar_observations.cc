@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "mapper/lidar/lidar_observations.h"
+#include "tools/lidar/lidar_observations.h"
 
 #include <cmath>
 

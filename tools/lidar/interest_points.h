@@ -7,8 +7,8 @@
 #include <span>
 #include <vector>
 
-#include "mapper/lidar/scan_points.h"
 #include "proto/core/status.h"
+#include "tools/lidar/scan_points.h"
 
 namespace shiftmap {
 

@@ -3,11 +3,11 @@
 
 #include <span>
 
-#include "mapper/lidar/interest_points.h"
-#include "mapper/lidar/scan_points.h"
 #include "mapstore/core/stamp.h"
 #include "mapstore/run/run.h"
 #include "proto/core/status.h"
+#include "tools/lidar/interest_points.h"
+#include "tools/lidar/scan_points.h"
 
 namespace shiftmap {
 
