@@ -10,6 +10,7 @@
 
 #include "localizer/models/detection_model.h"
 #include "mapper/calibration/detection.h"
+#include "mapstore/map/shift_report_check.h"
 
 namespace shiftmap {
 namespace {
@@ -71,7 +72,8 @@ std::vector<OlderEvidence> FindUnseenModes(const std::vector<OlderRun>& runs,
           VisitEvidence{mode.signature, passes.begin, passes.end, {{kAbsent, 0.0}}, 0});
       visit->second.begin = std::min(visit->second.begin, passes.begin);
       visit->second.end = std::max(visit->second.end, passes.end);
-      visit->second.modes.push_back({mode.number, missed});
+      // A visit says no more than the ledger takes, whatever the number of passes.
+      visit->second.modes.push_back({mode.number, std::max(missed, -kMaxVisitLogRatio)});
     }
     if (by_landmark.empty()) continue;
     result.push_back({run, {}});

@@ -6,6 +6,8 @@
 #include <cmath>
 #include <vector>
 
+#include "mapstore/map/shift_report_check.h"
+
 namespace shiftmap {
 namespace {
 
@@ -68,6 +70,20 @@ TEST(FindUnseenModes, VisitsOfOneRunDifferInTime) {
   row.evidence.begin = alone.begin;
   row.evidence.end = alone.end;
   EXPECT_NE(find()[0].evidence[0].begin, alone.begin);
+}
+
+TEST(FindUnseenModes, ManyPassesSayNoMoreThanTheLedgerTakes) {
+  RunRecord run{"run", "hash", "truck", At(0.0), At(6000.0), {}};
+  for (int lap = 0; lap < 100; ++lap) {
+    for (const StampedPose& pose : RunAlongX(60.0 * lap, 20.0).trajectory) {
+      run.trajectory.push_back(pose);
+    }
+  }
+  NewMode mode = ModeAt(12.0, 1.0);
+  mode.scans.seen.fill(100);  // It shows from where the run passed.
+  const std::vector<RunRecord> older = FindUnseenModes({run}, {mode}, {}, 10.0, Sensor(), {});
+  ASSERT_EQ(older.size(), 1u);
+  EXPECT_EQ(older[0].evidence[0].modes[1].log_likelihood, -kMaxVisitLogRatio);
 }
 
 TEST(FindUnseenModes, ModesOfALandmarkShareAVisit) {
