@@ -23,6 +23,13 @@ constexpr double kPassGapS = 5.0;
 // A mode that is less likely need not have been missed.
 constexpr double kUnlikely = 0.05;
 
+// The map has it as absent: that it is missed is nothing new.
+bool HeldAbsent(int group, const MapSnapshot& snapshot) {
+  Eigen::Index likeliest = 0;
+  snapshot.groups()[static_cast<std::size_t>(group)].probabilities.maxCoeff(&likeliest);
+  return likeliest == 0;
+}
+
 }  // namespace
 
 MissedPasses::MissedPasses(const MapSnapshot& snapshot) {
@@ -52,7 +59,10 @@ std::vector<int> MissedPasses::Add(const Scan& scan,
       Misses& misses = Of(visit.group, static_cast<int>(i) + 1, snapshot);
       complete |= Missed(p - T_map_vehicle.translation(), log_miss, scan.stamp, &misses);
     }
-    if (complete && NoOtherIsLikely(visit.group, bank, snapshot)) gone.push_back(visit.group);
+    if (complete && !HeldAbsent(visit.group, snapshot) &&
+        NoOtherIsLikely(visit.group, bank, snapshot)) {
+      gone.push_back(visit.group);
+    }
   }
   return gone;
 }

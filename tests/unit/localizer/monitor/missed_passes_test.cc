@@ -77,6 +77,11 @@ TEST_F(MissedPassesTest, ALandmarkMissedInThreePassesFromAllAroundIsGone) {
   EXPECT_EQ(Gone({0.1, 0.1 + kThird, 0.1 + 2.0 * kThird, 0.1}), 2);
 }
 
+TEST_F(MissedPassesTest, WhatTheMapHoldsForAbsentIsNoNews) {
+  content_.groups[0].probabilities = Eigen::Vector2d(0.95, 0.05);
+  EXPECT_EQ(Gone({0.1, 0.1 + kThird, 0.1 + 2.0 * kThird, 0.1}), 0);
+}
+
 TEST_F(MissedPassesTest, ASignMissedFromBehindIsNot) {
   EXPECT_EQ(Gone({0.1, 0.9, 1.7, 0.1, 0.9, 1.7, 0.1, 0.9}), 0);
 }
