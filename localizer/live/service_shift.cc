@@ -114,7 +114,12 @@ Status Service::WriteReport() {
   return OkStatus();
 }
 
+// Where a vehicle that drives will be when the next shift begins, its pose now does not tell.
 void Service::SavePose() {
+  if (shift_->Moves()) {
+    options_.warn("the vehicle moves, its pose was not saved");
+    return;
+  }
   const bool trusted = time_line_.verdict() == TimeLine::kAgrees;
   const auto saved = trusted ? shift_->PoseToSave() : std::nullopt;
   if (!saved) {

@@ -101,6 +101,9 @@ TEST_F(LiveTest, TermSavesPoseAndReportWithinASecond) {
     live::Client client = Connected();
     Call(&client, live::Start());
     Feed(&client, 0, half);
+    OdometrySample standing;
+    standing.stamp = StampOf(items_->at(half - 1));
+    ASSERT_THAT(client.Send({.id = 0, .command = standing}), IsOk());
     const auto begin = Clock::now();
     EXPECT_EQ(service->End(SIGTERM), kDone);
     EXPECT_LT(Clock::now() - begin, std::chrono::seconds(1));

@@ -78,6 +78,13 @@ class ServiceEndTest : public ServiceTest {
     return count;
   }
 
+  // The shift's last odometry is of a vehicle that stands.
+  void Park() {
+    OdometrySample standing;
+    standing.stamp = StampOf(items_.back());
+    items_.emplace_back(standing);
+  }
+
   bool Told(LocalizerState state) const {
     return std::any_of(events_.begin(), events_.end(), [&](const Event& event) {
       const auto* told = std::get_if<StateEvent>(&event);
@@ -125,12 +132,24 @@ TEST_F(ServiceEndTest, AFullDiskIsWaitedFor) {
 TEST_F(ServiceEndTest, APoseThatCannotBeSavedDoesNotKeepTheShift) {
   Service service = OpenedWithClocks();
   ASSERT_THAT(Do(&service, Start()), IsOk());
+  Park();
   EXPECT_EQ(FeedAtPace(&service, 0, items_.size(), kNone, kNone), 0);
   std::filesystem::create_directory(folder_.File("state") + "/pose");
   EXPECT_THAT(service.Shutdown(), IsOk());
   EXPECT_FALSE(service.State().running);
   ASSERT_EQ(warnings_.size(), 1u);
   EXPECT_NE(warnings_[0].find("was not saved"), std::string::npos) << warnings_[0];
+}
+
+TEST_F(ServiceEndTest, ThePoseOfAVehicleThatDrivesIsNotSaved) {
+  for (const bool parked : {false, true}) {
+    Service service = OpenedWithClocks();
+    ASSERT_THAT(Do(&service, Start()), IsOk());
+    if (parked) Park();
+    EXPECT_EQ(FeedAtPace(&service, 0, items_.size(), kNone, kNone), 0);
+    EXPECT_THAT(service.Shutdown(), IsOk());
+    EXPECT_EQ(std::filesystem::exists(folder_.File("state") + "/pose"), parked);
+  }
 }
 
 TEST_F(ServiceEndTest, NamesThatNoReportCarriesAreRefused) {
