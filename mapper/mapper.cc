@@ -158,7 +158,7 @@ StatusOr<std::vector<RunMap>> MapRunsSingly(const std::vector<MappingRun>& runs,
   SHIFTMAP_RETURN_IF_ERROR(watch->status());
   std::erase_if(builds, [&](const BuildState& build) {
     const BuildRun& run = build.runs.front();
-    std::string reason = ImplausibleCalibration(run, build.sensor);
+    std::string reason = ImplausibleCalibration(options.plausibility, run, build.sensor);
     if (reason.empty() && ModesOf(run).empty()) reason = kOutliersReason;
     if (!reason.empty()) rejected->push_back({run.data->name, reason});
     return !reason.empty();
@@ -204,9 +204,6 @@ Status RemoveUntiedRuns(BuildState* build) {
   return RemoveRunsOfNoMode(build);
 }
 
-// Once runs are placed, what is so many standard deviations from its mode is an outlier.
-constexpr double kLossReach = 50.0;
-
 // A run that is put back may be what another one is to be held against.
 constexpr int kRelocationRounds = 3;
 
@@ -250,7 +247,7 @@ Status RemoveUnsupported(const MapperOptions& options, BuildState* build) {
 // What is discrete in all runs together, the noise and its correlation. Returns the outer
 // iterations.
 StatusOr<int> RefineTogether(const MapperOptions& options, Watch* watch, BuildState* build) {
-  build->loss_reach = kLossReach;
+  build->loss_reach = options.loss_reach_sds;
   GraphSolver solver;  // Rounds of noise go on from where this ends.
   int iterations = RefineAndRelocate(options, watch->During("all runs", 0.6), build, &solver);
   SHIFTMAP_RETURN_IF_ERROR(watch->status());
@@ -265,7 +262,7 @@ StatusOr<int> RefineTogether(const MapperOptions& options, Watch* watch, BuildSt
     SHIFTMAP_RETURN_IF_ERROR(watch->status());
     SHIFTMAP_RETURN_IF_ERROR(RemoveRunsOfNoMode(build));
   }
-  if (RemoveImplausibleRuns(build) > 0) {
+  if (RemoveImplausibleRuns(options.plausibility, build) > 0) {
     SHIFTMAP_RETURN_IF_ERROR(RemoveUntiedRuns(build));
     SolveContinuous(options, build);
   }
@@ -404,7 +401,6 @@ std::vector<Signature> Named(const GroupSignatures& signatures,
 }
 
 AmbiguousChange Describe(const WaitingRuns& waiting, const GroupSignatures& signatures) {
-  constexpr double kUnlikely = 0.01;
   AmbiguousChange change;
   change.runs = waiting.runs;
   change.deciding = Named(signatures, waiting.explanations.deciding);

@@ -39,6 +39,10 @@ struct ModeOptions {
   /// Probability at which two positions are told apart.
   double merge_probability = 0.99;
 
+  /// A position that is known no better than this may be anywhere: that it is near another is then
+  /// no sign that they are one. [m]
+  double max_merge_sd_m = 4.0;
+
   /// Rate at which a landmark is taken to leave a mode before there is evidence to learn it from.
   /// [1/s]
   double leave_rate_per_s = 1e-5;
@@ -94,6 +98,10 @@ struct ConfirmationOptions {
   /// taken out again, and waits.
   double false_misfit = 1e-6;
 
+  /// A mode of which the run by itself is nearer to another one of its landmark by this factor was
+  /// taken for that one, and says nothing of the fit.
+  double mistaken_distance_ratio = 3.0;
+
   /// Modes that the map has of a run's landmarks up to which its place is confirmed, and modes of a
   /// run up to which its fit is: their covariance is dense.
   int max_modes = 300;
@@ -102,12 +110,88 @@ struct ConfirmationOptions {
   ExplanationLimits limits;
 };
 
+/// What no working vehicle exceeds: a run that does fits itself, and deforms the map. It is left
+/// out with the reason.
+struct PlausibilityOptions {
+  /// Ten times the prior standard deviation and more; a person who mounts a sensor gets nearer.
+  double max_bearing_offset_rad = 0.6;
+
+  /// Of speeds and yaw rates, either way: odometry in other units, or of another wheel. [-]
+  double max_scale = 2.0;
+
+  /// Recorded robots lose 0.02 to 0.04. [rad/√s]
+  double max_noise_omega = 0.12;
+
+  /// Of a vehicle whose wheels slip on half of its way at a walk. [m/√s]
+  double max_noise_v = 0.5;
+
+  /// What detects landmarks tells their direction at least this well.
+  double max_sd_bearing_rad = 0.5;
+
+  /// Log odds from which on odometry counts turns, or ways, the other way.
+  double reversed_log_odds = 10.0;
+};
+
+/// When a run lays a second map beside that of the others, and how it is put back
+/// (RelocateMisregisteredRuns).
+struct RelocationOptions {
+  /// As many visits in a row that are of landmarks known elsewhere are no landmarks that moved.
+  int min_visits = 6;
+
+  /// Visits of a part: enough of them to be aligned, and no loop to close.
+  double part_visits = 24.0;
+
+  /// A visit this near to a mode of the others is of that. [m]
+  double same_place_m = 1.0;
+};
+
+/// How a run that is known badly at its far end is deformed onto the map.
+struct DeformationOptions {
+  /// A run map whose worst mode is known this well against the others is stiff: its covariance,
+  /// which is linear, says how it may differ from the map. Standard deviation. [m]
+  double stiff_sd_m = 0.15;
+
+  /// What is deformed by less is solved no further: a run that is deformed by 0.25 m a metre from
+  /// where it turns is off the tangent by half its square. [m]
+  double max_linear_m = 0.25;
+
+  /// How well a mode is to be known to be matched, at first and at last. A vehicle that comes back
+  /// to mapped ground after a while is less sure where it is: only when nothing else is left is the
+  /// limit raised. Standard deviations. [m]
+  double first_max_sd_m = 0.5;
+  double last_max_sd_m = 4.0;
+
+  /// Matches that the others contradict at this probability are none.
+  double contradiction = 0.999;
+
+  /// The map is deformed as well: variance of the difference over that of the run map.
+  double variance_factor = 2.0;
+};
+
+/// What is known of how much maps disagree before they are compared (EstimateRunVariances).
+struct DisagreementOptions {
+  /// The covariances are right, as so many degrees of freedom would tell.
+  double prior_dof = 10.0;
+
+  /// A mode whose difference is less probable, beside those of the others, is an outlier: it was
+  /// moved a little, and is known that badly.
+  double outlier_probability = 1e-4;
+
+  /// None is where the mean square of all is not larger, nor among fewer modes.
+  double expected_mean_square = 1.5;
+  int min_modes = 6;
+};
+
 struct MapperOptions {
   FrontEndOptions front_end;
   AssociationOptions association;  ///< Of observations without a signature.
   AlignmentOptions alignment;
   ConfirmationOptions confirmation;
   DisplacementOptions displacement;
+  DeformationOptions deformation;
+  PlausibilityOptions plausibility;
+  RelocationOptions relocation;
+  DisagreementOptions disagreement;
   ModeOptions modes;
   MissedDetectionOptions missed;
 
@@ -129,6 +213,14 @@ struct MapperOptions {
   /// Standard deviations; 0: exactly. [-]
   double sd_range_scale = 0.02;
   double sd_run_range_scale = 0.01;
+
+  /// What a run's sensor reads too much, before the run tells: standard deviations of the bearing
+  /// [rad] and of the range over the square of the bearing [1/rad²].
+  double sd_bearing_offset_rad = 0.05;
+  double sd_range_curvature_per_rad2 = 0.5;
+
+  /// Once runs are placed, what is so many standard deviations from its mode is an outlier.
+  double loss_reach_sds = 50.0;
 
   /// Alternations of mode selection and solving at most.
   int max_outer_iterations = 20;

@@ -72,8 +72,8 @@ class AllMoved {
   // Expectation and maximization over how far each landmark moved, from a start; the Gaussian there
   // is widened to reach what lies around.
   Proposal AroundLeastMoves(SimilarityFit fit) const {
-    constexpr int kIterations = 12;
-    constexpr double kWider = 2.0;
+    constexpr int kIterations = 12;  // It is a proposal: draws are weighed.
+    constexpr double kWider = 2.0;   // In standard deviations.
     fit.log_scale = 0.0;
     // Beyond the area and a turn nothing is near.
     const double per_area = std::exp(-e_.log_area());

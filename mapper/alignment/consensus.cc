@@ -211,7 +211,7 @@ class Consensus {
   // Whether the rotation is told, and roughly without any one of those that agree, which may by
   // accident.
   bool TellsRotation(const Candidate& candidate) const {
-    constexpr double kWithoutOne = 3.0;
+    constexpr double kWithoutOne = 3.0;  // Times AlignmentOptions::max_sd_rotation_rad.
     const Similarity fit = Fit(candidate);
     const double weights = 1.0 / fit.variance;
     double without_one = fit.spread;

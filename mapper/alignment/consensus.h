@@ -50,6 +50,11 @@ struct AlignmentOptions {
   /// three signs on one post tell none, and with one that agrees by accident a wrong one. [rad]
   double max_sd_rotation_rad = 0.1;
 
+  /// A run map whose worst mode is known no better than this against the others may be deformed,
+  /// and is cut into parts of as many modes: what a vehicle sees within a minute or two. [m]
+  double deformed_sd_m = 0.5;
+  int part_modes = 24;
+
   /// Pairs of correspondences tried at most. Of more than 5000, pairs are drawn (seeded), until a
   /// transform with half the supporters of the best would not have been missed.
   int max_pairs = 200000;

@@ -22,6 +22,15 @@ struct DisplacementOptions {
   /// What a run's covariance may have to be multiplied by, each as likely as the others: wheels
   /// that slip are no random walk.
   std::array<double, 2> run_variance_factors = {1.0, 4.0};
+
+  /// Error of a position in a map that its covariance does not know of. [m]
+  double position_floor_m = 0.03;
+
+  /// A landmark that stands farther from where it was than this many of the last of
+  /// sd_displacement_m was displaced, whatever the others did. The normal distribution of
+  /// displacements has no tail for it: to it, most landmarks moving together the other way would be
+  /// more likely.
+  double sure_sds = 3.0;
 };
 
 /// Joint covariances of what differences between where landmarks are and where they were are made

@@ -39,7 +39,7 @@ bool AreAlike(const AlignmentEvidence& evidence,
 
 // Draws of N(0, I), the same ones every time.
 std::vector<Eigen::Vector4d> StandardDraws() {
-  constexpr std::size_t kDraws = 128;
+  constexpr std::size_t kDraws = 128;  // Shares of a hypothesis are known to 1 / 128.
   std::mt19937_64 random(1);
   std::normal_distribution<double> normal;
   std::vector<Eigen::Vector4d> draws(kDraws);

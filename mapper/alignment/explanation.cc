@@ -8,9 +8,6 @@
 namespace shiftmap {
 namespace {
 
-// Sets that are less likely in their frame are left out.
-constexpr double kUnlikely = 0.01;
-
 // Groups whose probability of having stayed differs by this between two frames decide between them.
 constexpr double kDecidingDifference = 0.5;
 

@@ -10,6 +10,9 @@
 
 namespace shiftmap {
 
+/// Explanations and sets that are less likely are not told.
+inline constexpr double kUnlikely = 0.01;
+
 /// A set of groups that stayed.
 struct StayedSet {
   std::vector<GroupIndex> groups;  ///< Ascending.
@@ -18,7 +21,7 @@ struct StayedSet {
 
 /// Which groups stayed, given a frame.
 struct StayedPosterior {
-  /// By falling probability, those below 0.01 left out.
+  /// By falling probability, those below kUnlikely left out.
   std::vector<StayedSet> alternatives;
 
   /// Per group in common, ascending, the probability that it stayed.

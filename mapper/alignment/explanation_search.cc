@@ -126,7 +126,7 @@ class ExplanationSearch {
 
   // Leaves each maximum once, sorted. The search for bodies compares each with all others.
   void KeepLikeliestMaxima() {
-    constexpr std::size_t kMost = 500;
+    constexpr std::size_t kMost = 500;  // Time grows with the square.
     std::sort(maxima_.begin(), maxima_.end());
     maxima_.erase(std::unique(maxima_.begin(), maxima_.end()), maxima_.end());
     if (maxima_.size() <= kMost) return;
@@ -256,7 +256,7 @@ class ExplanationSearch {
   }
 
   std::vector<SimilarityFit> LikeliestFits() {
-    constexpr std::size_t kMost = 8;
+    constexpr std::size_t kMost = 8;  // Each is searched from anew.
     std::vector<std::pair<double, MatchSet>> by_score;
     for (const MatchSet& maximum : maxima_) {
       by_score.emplace_back(-Score(maximum).log_score, maximum);

@@ -33,6 +33,16 @@ struct MovePrior {
   /// Probability that of two bodies that moved each is where the other was.
   double exchange_share = 0.5;
 
+  /// Bodies that move go on facing the same way, up to this, in half of all cases, scattered ones
+  /// in all. Standard deviation. [rad]
+  double same_heading_sd_rad = 0.2;
+
+  /// Standard deviations of how far the landmarks of a body that takes the place of another are
+  /// from those that stood there, and of how well each of two takes the place of the other.
+  double slot_sd_m = 0.5;
+  double exchange_sd_m = 0.1;
+  double exchange_heading_sd_rad = 0.05;
+
   /// Of the scale of one map against the other. [-]
   double sd_scale = 0.02;
 };

@@ -10,16 +10,6 @@
 namespace shiftmap {
 namespace {
 
-// Bodies that move go on facing about the same way in half of all cases, scattered ones in all.
-// [rad]
-constexpr double kSameHeadingSd = 0.2;
-
-// How far the landmarks of a body that takes the place of another are from those that stood there,
-// and how well each of two takes the place of the other. [m], [rad]
-constexpr double kSlotSd = 0.5;
-constexpr double kExchangeSd = 0.1;
-constexpr double kExchangeHeadingSd = 0.05;
-
 double LogNormal(double x, double variance) {
   return -0.5 * x * x / variance - 0.5 * std::log(kTwoPi * variance);
 }
@@ -77,7 +67,8 @@ double MovedBodies::LogWent(const Body& body) const {
   if (stayed_->fit == nullptr) return 0.0;
   const SimilarityFit& map = *stayed_->fit;
   const double turn = std::remainder(body.fit.yaw_rad - map.yaw_rad, kTwoPi);
-  const double same_heading = kTwoPi * std::exp(LogNormal(turn, kSameHeadingSd * kSameHeadingSd));
+  const double same_heading =
+      kTwoPi * std::exp(LogNormal(turn, std::pow(e_->prior().same_heading_sd_rad, 2)));
   const double any_turn = 0.5 * (1.0 - body.scattered);
   return e_->LogMovedBy(body.fit.centre_other - map * body.fit.centre_reference,
                         kNoVariance * Eigen::Matrix2d::Identity()) +
@@ -87,23 +78,25 @@ double MovedBodies::LogWent(const Body& body) const {
 // log density of where two bodies went that changed places, against anywhere.
 double MovedBodies::LogExchanged(const Body& a, const Body& b) const {
   const SimilarityFit& map = *stayed_->fit;
+  const MovePrior& prior = e_->prior();
+  const double heading_variance = std::pow(prior.same_heading_sd_rad, 2);
   const Eigen::Vector2d& from = a.fit.centre_reference;
   const Eigen::Vector2d to = Back(map, a.fit.centre_other);
   const double map_variance = VarianceAt(map, from) + VarianceAt(map, to);
-  const double slot =
-      LogNormal(Eigen::Vector2d(to - b.fit.centre_reference), kSlotSd * kSlotSd + map_variance);
+  const double slot = LogNormal(Eigen::Vector2d(to - b.fit.centre_reference),
+                                std::pow(prior.slot_sd_m, 2) + map_variance);
   const double back = LogNormal(Eigen::Vector2d(Back(map, b.fit * to) - from),
-                                kExchangeSd * kExchangeSd + 2.0 * map_variance +
+                                std::pow(prior.exchange_sd_m, 2) + 2.0 * map_variance +
                                     VarianceAt(b.fit, to) + VarianceAt(a.fit, from));
   const double turn = std::remainder(a.fit.yaw_rad - map.yaw_rad, kTwoPi);
   const double half_turn = std::remainder(turn - std::numbers::pi, kTwoPi);
   const double turn_back = std::remainder(b.fit.yaw_rad - map.yaw_rad + turn, kTwoPi);
   // Racks that change places face as before, or the other way, in half of all cases.
-  const double straight = std::exp(LogNormal(turn, kSameHeadingSd * kSameHeadingSd)) +
-                          std::exp(LogNormal(half_turn, kSameHeadingSd * kSameHeadingSd));
+  const double straight = std::exp(LogNormal(turn, heading_variance)) +
+                          std::exp(LogNormal(half_turn, heading_variance));
   const double turned =
       LogNormal(turn_back,
-                kExchangeHeadingSd * kExchangeHeadingSd + 4.0 * map.covariance(2, 2) +
+                std::pow(prior.exchange_heading_sd_rad, 2) + 4.0 * map.covariance(2, 2) +
                     a.fit.covariance(2, 2) + b.fit.covariance(2, 2));
   return slot + back + 2.0 * e_->log_area() + std::log(0.5 + 0.25 * kTwoPi * straight) + turned +
          std::log(kTwoPi);

@@ -12,7 +12,17 @@
 namespace shiftmap {
 namespace {
 
+// Of what was seen: the rest was misread, or lucky.
 constexpr double kFieldOfViewQuantile = 0.99;
+constexpr double kMinRangeM = 0.1;
+constexpr double kMinBearingRad = 0.01;
+
+// No sensor is known to see always, or never: a miss, or a sighting, would then decide alone.
+constexpr double kMinDetection = 0.05;
+
+// Between one outlier in days of driving, and one in every scan of a room.
+constexpr double kMinClutterPerM2 = 1e-7;
+constexpr double kMaxClutterPerM2 = 1e-2;
 
 // Where a run's groups stand, asked in the order of time.
 class StandingModes {
@@ -94,13 +104,13 @@ void SetFieldOfView(const std::vector<Eigen::Vector2d>& positions, SensorCalibra
     ranges.push_back(q.norm());
     bearings.push_back(std::abs(std::atan2(q.y(), q.x())));
   }
-  sensor->max_range_m = std::max(0.1, Quantile(ranges, kFieldOfViewQuantile));
-  sensor->max_bearing_rad = std::max(0.01, Quantile(bearings, kFieldOfViewQuantile));
+  sensor->max_range_m = std::max(kMinRangeM, Quantile(ranges, kFieldOfViewQuantile));
+  sensor->max_bearing_rad = std::max(kMinBearingRad, Quantile(bearings, kFieldOfViewQuantile));
 }
 
 void SetDetection(const DetectionCount& count, SensorCalibration* sensor) {
-  sensor->detection_probability =
-      std::clamp((count.detected + 1.0) / (count.expected + 2.0), 0.05, 0.95);
+  sensor->detection_probability = std::clamp(
+      (count.detected + 1.0) / (count.expected + 2.0), kMinDetection, 1.0 - kMinDetection);
 }
 
 SensorCalibration EstimateDetection(const BuildState& build, const ModeOptions& options) {
@@ -128,7 +138,8 @@ SensorCalibration EstimateDetection(const BuildState& build, const ModeOptions& 
   }
   SetDetection(count, &sensor);
   const double area = sensor.max_bearing_rad * sensor.max_range_m * sensor.max_range_m;
-  sensor.clutter_density_per_m2 = std::clamp((outliers + 1.0) / (frames * area), 1e-7, 1e-2);
+  sensor.clutter_density_per_m2 =
+      std::clamp((outliers + 1.0) / (frames * area), kMinClutterPerM2, kMaxClutterPerM2);
   return sensor;
 }
 

@@ -15,25 +15,7 @@
 namespace shiftmap {
 namespace {
 
-// Ten times the prior standard deviation and more; a person who mounts a sensor gets nearer. [rad]
-constexpr double kMaxBearingOffset = 0.6;
-
-// Odometry in other units, or of another wheel.
-constexpr double kMaxScale = 2.0;
-
-// Recorded robots lose 0.02 to 0.04. [rad/√s]
-constexpr double kMaxHeadingNoise = 0.12;
-
-// Of a vehicle whose wheels slip on half of its way at a walk. [m/√s]
-constexpr double kMaxWayNoise = 0.5;
-
-// What detects landmarks tells their direction at least this well. [rad]
-constexpr double kMaxBearingNoise = 0.5;
-
-// Log odds from which on odometry counts turns the other way.
-constexpr double kSurelyReversed = 10.0;
-
-bool IsScale(double scale) { return scale < kMaxScale && scale > 1.0 / kMaxScale; }
+bool IsWithin(double factor, double scale) { return scale < factor && scale > 1.0 / factor; }
 
 // Log odds that the vehicle turned, and that it drove, against odometry rather than with it, each
 // step's difference with the most noise that a working vehicle has. A scale cannot say so: it has
@@ -43,7 +25,7 @@ struct LogOddsOfReversal {
   double ways = 0.0;
 };
 
-LogOddsOfReversal ReversalOf(const BuildRun& run) {
+LogOddsOfReversal ReversalOf(const PlausibilityOptions& options, const BuildRun& run) {
   LogOddsOfReversal log_odds;
   const std::vector<FrameIndex> broken = BrokenMotions(run.motions);
   for (const FrameIndex i : run.motions.between_frames.indices()) {
@@ -57,46 +39,48 @@ LogOddsOfReversal ReversalOf(const BuildRun& run) {
     };
     add(WrapAngle(moved.yaw() - odometry.yaw()),
         WrapAngle(moved.yaw() + odometry.yaw()),
-        kMaxHeadingNoise,
+        options.max_noise_omega,
         &log_odds.turns);
-    add(moved.x() - odometry.x(), moved.x() + odometry.x(), kMaxWayNoise, &log_odds.ways);
+    add(moved.x() - odometry.x(), moved.x() + odometry.x(), options.max_noise_v, &log_odds.ways);
   }
   return log_odds;
 }
 
 }  // namespace
 
-std::string ImplausibleCalibration(const BuildRun& run, const SensorCalibration& sensor) {
+std::string ImplausibleCalibration(const PlausibilityOptions& options,
+                                   const BuildRun& run,
+                                   const SensorCalibration& sensor) {
   const double offset = std::remainder(run.sensor_bias[kBearingOffset], 2.0 * std::numbers::pi);
-  if (!(std::abs(offset) < kMaxBearingOffset)) {
+  if (!(std::abs(offset) < options.max_bearing_offset_rad)) {
     return fmt::format(
         "it fits only with a sensor turned by {:.0f} degrees: reversed odometry, or another "
         "mounting than the log says",
         offset * 180.0 / std::numbers::pi);
   }
-  const LogOddsOfReversal reversal = ReversalOf(run);
-  if (reversal.turns > kSurelyReversed) {
+  const LogOddsOfReversal reversal = ReversalOf(options, run);
+  if (reversal.turns > options.reversed_log_odds) {
     return "it fits only if it turns the other way than odometry says: bearings or yaw rates of "
            "the wrong sign";
   }
-  if (reversal.ways > kSurelyReversed) {
+  if (reversal.ways > options.reversed_log_odds) {
     return "it fits only if it drives the other way than odometry says: reversed odometry";
   }
-  if (!IsScale(run.odometry.scale_v)) {
+  if (!IsWithin(options.max_scale, run.odometry.scale_v)) {
     return fmt::format(
         "it fits only with speeds of {:.2f} times what odometry says: {}",
         run.odometry.scale_v,
         run.odometry.scale_v < 1.0 ? "another unit, or reversed odometry" : "another unit");
   }
-  if (!IsScale(run.odometry.scale_omega)) {
+  if (!IsWithin(options.max_scale, run.odometry.scale_omega)) {
     return fmt::format("it fits only with yaw rates of {:.2f} times what odometry says",
                        run.odometry.scale_omega);
   }
-  if (!(run.odometry.noise_omega < kMaxHeadingNoise)) {
+  if (!(run.odometry.noise_omega < options.max_noise_omega)) {
     return fmt::format("it fits only if odometry loses the heading by {:.0f} degrees in a second",
                        run.odometry.noise_omega * 180.0 / std::numbers::pi);
   }
-  if (!(sensor.sd_bearing_rad < kMaxBearingNoise)) {
+  if (!(sensor.sd_bearing_rad < options.max_sd_bearing_rad)) {
     return fmt::format("it fits only with bearings that are wrong by {:.0f} degrees: another unit",
                        sensor.sd_bearing_rad * 180.0 / std::numbers::pi);
   }

@@ -12,6 +12,8 @@ namespace shiftmap {
 /// such a run fits itself, and bends the map. So does one whose odometry says nothing of the
 /// heading, and it raises the noise of all runs of its vehicle. One whose bearings have the wrong
 /// sign makes a map that is a mirror image, and one whose bearings are of no use one of nothing.
-std::string ImplausibleCalibration(const BuildRun& run, const SensorCalibration& sensor);
+std::string ImplausibleCalibration(const PlausibilityOptions& options,
+                                   const BuildRun& run,
+                                   const SensorCalibration& sensor);
 
 }  // namespace shiftmap

@@ -16,7 +16,6 @@ namespace {
 // A run's calibration, order of CalibrationInformationTimes(). Localizers leave the scale of
 // ranges in their noise.
 using Parameters = Eigen::Vector<double, kRunCalibration>;
-constexpr int kRangeScale = 3;
 const Eigen::Array<int, 5, 1> kTakenOff = {0, 1, 2, 4, 5};
 
 // Noise is settled within a few percent of what residuals say, and that of one kind passes for
@@ -57,7 +56,7 @@ struct Systematic {
   // Logarithm. Runs that do not tell how long a metre is hold it at 0.
   // @param sd_run  Of what a run's is known to beforehand. [-]
   Estimate RangeScaleOf(Eigen::Index vehicle, bool in_map_units, double sd_run) const {
-    const Eigen::Index row = kRunCalibration * vehicle + kRangeScale;
+    const Eigen::Index row = kRunCalibration * vehicle + kRangeScaleRow;
     return {mean[row], in_map_units ? std::sqrt(cov(row, row)) : sd_run};
   }
 };

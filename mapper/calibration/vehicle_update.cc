@@ -17,7 +17,11 @@ namespace {
 using Vector = SystematicErrors::Vector;
 using Matrix = SystematicErrors::Matrix;
 
+// What is less probable under the calibration before is a repair, a new wheel or sensor: that is
+// forgotten.
 constexpr double kContradiction = 1e-6;
+
+// What is remembered of a noise, in degrees of freedom, and of detections, in trials.
 constexpr double kMaxDof = 800.0;
 constexpr double kMaxTrials = 10000.0;
 

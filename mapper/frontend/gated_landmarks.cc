@@ -6,7 +6,7 @@
 namespace shiftmap {
 namespace {
 
-constexpr double kGateProbability = 0.999;
+constexpr double kGateProbability = 0.999;  // Of sightings of the landmark that pass.
 
 // A landmark that only its first sighting supports may have been misread; after this many misses in
 // a row its place is given to the newest sighting.

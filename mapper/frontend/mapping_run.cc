@@ -118,7 +118,7 @@ MappingRun MakeMappingRun(const Run& run,
                           const FrontEndOptions& options) {
   MappingRun all = Arrange(run, signatures, options, NoneMoves);
   std::map<Signature, std::map<Stamp, Stamp>> moving;  // Begins and ends of visits.
-  for (const VisitIndex v : FindMovingVisits(all)) {
+  for (const VisitIndex v : FindMovingVisits(all, options.moving)) {
     const MappingVisit& visit = all.visits[v];
     moving[SignatureOf(visit, signatures)].emplace(visit.begin, visit.end);
   }
@@ -135,7 +135,7 @@ std::map<Signature, int> MovingSightings(const Run& run, const FrontEndOptions& 
   const std::vector<Signature> signatures = CollectSignatures({&run}, {});
   const MappingRun all = Arrange(run, signatures, options, NoneMoves);
   std::map<Signature, int> moving;
-  for (const VisitIndex v : FindMovingVisits(all)) {
+  for (const VisitIndex v : FindMovingVisits(all, options.moving)) {
     const MappingVisit& visit = all.visits[v];
     moving[SignatureOf(visit, signatures)] += static_cast<int>(visit.sightings.size());
   }

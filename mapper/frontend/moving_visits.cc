@@ -13,12 +13,6 @@
 namespace shiftmap {
 namespace {
 
-constexpr double kLeastWay = 2.0;     // Of a landmark in the vehicle frame. [m]
-constexpr double kLongest = 5.0;      // That odometry is asked over. [s]
-constexpr double kMovingShare = 0.5;  // Of the way that a landmark is off, if it moves.
-constexpr int kLeastMoves = 8;        // Of a visit.
-constexpr int kMovesPerStanding = 2;  // At least.
-
 // What two sightings of a visit say: the landmark stands, or it moves.
 struct Vote {
   VisitIndex visit;
@@ -31,7 +25,9 @@ struct Count {
   int move = 0;
 };
 
-std::vector<Vote> VotesOf(const MappingRun& run, const OdometryCalibration& odometry) {
+std::vector<Vote> VotesOf(const MappingRun& run,
+                          const OdometryCalibration& odometry,
+                          const MovingVisitOptions& options) {
   const IndexedVector<FrameIndex, Se2> poses = DeadReckon(run, odometry);
   std::vector<Vote> votes;
   for (const VisitIndex v : run.visits.indices()) {
@@ -41,25 +37,27 @@ std::vector<Vote> VotesOf(const MappingRun& run, const OdometryCalibration& odom
       const Sighting& before = run.sightings[anchor];
       const Sighting& now = run.sightings[s];
       const Stamp stamp = run.frames[now.frame].stamp;
-      if (ToSeconds(stamp - run.frames[before.frame].stamp) > kLongest) {
+      if (ToSeconds(stamp - run.frames[before.frame].stamp) > options.max_time_s) {
         anchor = s;
         continue;
       }
       const Eigen::Vector2d p = before.observation.PositionInVehicle();
       const Eigen::Vector2d expected = poses[now.frame].Inverse() * (poses[before.frame] * p);
       const double way = (expected - p).norm();
-      if (!(way >= kLeastWay)) continue;
+      if (!(way >= options.min_way_m)) continue;
       const double off = (now.observation.PositionInVehicle() - expected).norm();
       votes.push_back(
-          {v, stamp.time_since_epoch() / std::chrono::seconds(1), off > kMovingShare * way});
+          {v, stamp.time_since_epoch() / std::chrono::seconds(1), off > options.moved_share * way});
       anchor = s;
     }
   }
   return votes;
 }
 
-std::vector<VisitIndex> MovingBy(const OdometryCalibration& odometry, const MappingRun& run) {
-  const std::vector<Vote> votes = VotesOf(run, odometry);
+std::vector<VisitIndex> MovingBy(const OdometryCalibration& odometry,
+                                 const MappingRun& run,
+                                 const MovingVisitOptions& options) {
+  const std::vector<Vote> votes = VotesOf(run, odometry, options);
   std::map<std::int64_t, Count> meanwhile;
   for (const Vote& vote : votes) {
     Count& count = meanwhile[vote.second];
@@ -74,7 +72,8 @@ std::vector<VisitIndex> MovingBy(const OdometryCalibration& odometry, const Mapp
   }
   std::vector<VisitIndex> moving;
   for (const auto& [visit, count] : by_visit) {
-    if (count.move >= kLeastMoves && count.move >= kMovesPerStanding * count.stand) {
+    if (count.move >= options.min_moves &&
+        count.move >= options.min_moves_per_standing * count.stand) {
       moving.push_back(visit);
     }
   }
@@ -83,15 +82,16 @@ std::vector<VisitIndex> MovingBy(const OdometryCalibration& odometry, const Mapp
 
 }  // namespace
 
-std::vector<VisitIndex> FindMovingVisits(const MappingRun& run) {
+std::vector<VisitIndex> FindMovingVisits(const MappingRun& run, const MovingVisitOptions& options) {
   if (run.odometry.empty() || run.frames.empty()) return {};
-  const std::vector<VisitIndex> found = MovingBy({}, run);
+  const std::vector<VisitIndex> found = MovingBy({}, run, options);
   if (found.empty()) return {};
   // By odometry as the other landmarks have it: by another scale of it, what stands in the middle
   // of a circle moves.
   MappingRun others = run;
   for (const VisitIndex v : found) others.visits[v].sightings.clear();
-  const std::vector<VisitIndex> still = MovingBy(CalibrateFromPairs(others, {}).odometry, run);
+  const std::vector<VisitIndex> still =
+      MovingBy(CalibrateFromPairs(others, {}).odometry, run, options);
   std::vector<VisitIndex> moving;
   std::set_intersection(
       found.begin(), found.end(), still.begin(), still.end(), std::back_inserter(moving));

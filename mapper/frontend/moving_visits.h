@@ -13,6 +13,6 @@ namespace shiftmap {
 /// and of the others that are in view meanwhile as many are, also by odometry as these have it
 /// (CalibrateFromPairs). So wheels that slip, odometry of another scale and vehicles that are
 /// carried make none.
-std::vector<VisitIndex> FindMovingVisits(const MappingRun& run);
+std::vector<VisitIndex> FindMovingVisits(const MappingRun& run, const MovingVisitOptions& options);
 
 }  // namespace shiftmap

@@ -16,12 +16,13 @@
 namespace shiftmap {
 namespace {
 
+// Between the two sightings of a pair: in less time the vehicle hardly moves. [s]
 constexpr double kMinPairSeconds = 0.2;
 constexpr double kMaxPairSeconds = 2.0;
-constexpr std::size_t kMinPairs = 30;
-constexpr std::size_t kMaxPairs = 750;
+constexpr std::size_t kMinPairs = 30;      // Fewer do not determine scales and lag.
+constexpr std::size_t kMaxPairs = 750;     // Of more, these are taken evenly.
 constexpr std::size_t kCoarsePairs = 250;  // To find the lag on the grid.
-constexpr double kCauchyScale = 2.0;
+constexpr double kCauchyScale = 2.0;       // In standard deviations.
 
 // A vehicle that moves less stands. [m], [rad]
 constexpr double kMinWay = 0.01;
@@ -190,8 +191,8 @@ ScaleFit FitScales(const std::vector<SightingPair>& pairs,
 OdometryCalibration FitOdometry(const std::vector<SightingPair>& pairs,
                                 const DeadReckoning& path,
                                 const OdometryCalibration& fallback) {
-  constexpr double kLagStep = 0.1;
-  constexpr double kMinLag = -0.6;
+  constexpr double kLagStep = 0.1;  // [s]
+  constexpr double kMinLag = -0.6;  // [s]
   const std::vector<SightingPair> coarse = Thinned(pairs, kCoarsePairs);
   Eigen::Vector2d start(std::log(fallback.scale_v), std::log(fallback.scale_omega));
   std::array<double, 13> cost{};

@@ -185,12 +185,11 @@ void CeresPosterior::VisitModeCovariance(const BlockVisitor& visitor) const {
 // others follow.
 Eigen::MatrixXd CeresPosterior::ModesByRangeScale(
     const std::vector<std::vector<RunIndex>>& runs) const {
-  constexpr Eigen::Index kScaleOfRanges = 3 + kLogRangeScale;  // After the correction.
   Eigen::MatrixXd push = Eigen::MatrixXd::Zero(CalibrationRows(), std::ssize(runs));
   for (std::size_t column = 0; column < runs.size(); ++column) {
     for (const RunIndex r : runs[column]) {
       const double sd = graph_.runs[r].sensor_bias_sd[kLogRangeScale];
-      push(kRunCalibration * r + kScaleOfRanges, static_cast<Eigen::Index>(column)) =
+      push(kRunCalibration * r + kRangeScaleRow, static_cast<Eigen::Index>(column)) =
           1.0 / (sd * sd);
     }
   }

@@ -22,6 +22,7 @@ class ReducedSystem;
 
 /// Unknowns of a run in addition to its poses: correction (3) and sensor bias (3).
 inline constexpr int kRunCalibration = 6;
+inline constexpr int kRangeScaleRow = 3 + kLogRangeScale;  ///< Among these.
 
 /// One run's chain of poses in the graph.
 struct GraphRun {

@@ -17,9 +17,6 @@
 namespace shiftmap {
 namespace {
 
-// Outliers say nothing about the noise of the rest: an observation beyond this is not counted.
-constexpr double kInlierProbability = 0.999;
-
 // Under the noise of the run, here and below, whatever its variance factor.
 Eigen::Vector3d ResidualOf(const GraphRun& run, FrameIndex motion) {
   return MotionResidual(run.motions[motion])

@@ -14,6 +14,10 @@
 
 namespace shiftmap {
 
+/// An observation whose squared standardized residual is beyond this quantile of its χ² is an
+/// outlier: it says nothing about noise, detection or support.
+inline constexpr double kInlierProbability = 0.999;
+
 /// r = Σ^(-1/2) diag(e^s, e^s, 1) Log( (T_i Δ(c))⁻¹ T_j ),  Δ(c) = Δ Exp(J c).
 ///
 /// The noise of odometry is known in the units of length of the run's own sensor, whose ranges are

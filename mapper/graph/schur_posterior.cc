@@ -248,12 +248,11 @@ Eigen::MatrixXd SchurPosterior::ModeCovarianceTimes(const Eigen::MatrixXd& weigh
 // others follow.
 Eigen::MatrixXd SchurPosterior::ModesByRangeScale(
     const std::vector<std::vector<RunIndex>>& runs) const {
-  constexpr int kRangeScale = 3 + kLogRangeScale;  // After the correction.
   Eigen::MatrixXd right = Eigen::MatrixXd::Zero(factor_->size(), std::ssize(runs));
   for (std::size_t column = 0; column < runs.size(); ++column) {
     for (const RunIndex r : runs[column]) {
       const double sd = graph_.runs[r].sensor_bias_sd[kLogRangeScale];
-      right(system_.segments().first_calibration() + kRunCalibration * r + kRangeScale,
+      right(system_.segments().first_calibration() + kRunCalibration * r + kRangeScaleRow,
             static_cast<Eigen::Index>(column)) = 1.0 / (sd * sd);
     }
   }

@@ -49,20 +49,16 @@ void EraseMode(const std::vector<VisitRef>& visits,
   }
 }
 
-// What is known no better than this may be anywhere: that two modes are near each other is then no
-// sign that they are one place. [m]
-constexpr double kMaxMergeSd = 4.0;
-
 // True if two modes i and j, `difference` apart, are not known to be one place.
-// @param floor  Variance per axis beyond what their covariance knows of. [m²]
-bool ToldApart(const Eigen::Vector2d& difference,
+bool ToldApart(const ModeOptions& options,
+               const Eigen::Vector2d& difference,
                ModeIndex i,
                ModeIndex j,
-               double floor,
-               double gate,
                const ModeDifferences& differences) {
-  const auto unknown = [](const Eigen::Matrix2d& cov) {
-    return 0.5 * cov.trace() > kMaxMergeSd * kMaxMergeSd;
+  const double floor = 2.0 * options.position_floor_m * options.position_floor_m;
+  const double gate = ChiSquareQuantile(options.merge_probability, 2);
+  const auto unknown = [&](const Eigen::Matrix2d& cov) {
+    return 0.5 * cov.trace() > options.max_merge_sd_m * options.max_merge_sd_m;
   };
   const auto apart_by = [&](const Eigen::Matrix2d& cov) {
     return SquaredMahalanobis(difference, cov + floor * Eigen::Matrix2d::Identity()) > gate;
@@ -99,8 +95,6 @@ void ApplyMerges(const IndexedVector<GroupIndex, std::vector<VisitRef>>& by_grou
 std::vector<ModeMerge> FindMerges(const ModeOptions& options,
                                   const ModeDifferences& differences,
                                   const BuildState& build) {
-  const double floor = 2.0 * options.position_floor_m * options.position_floor_m;
-  const double gate = ChiSquareQuantile(options.merge_probability, 2);
   const FlatModes flat(build);
   std::vector<ModeMerge> merges;
   for (const GroupIndex group : build.modes.indices()) {
@@ -113,7 +107,7 @@ std::vector<ModeMerge> FindMerges(const ModeOptions& options,
         const Eigen::Vector2d difference = modes[a].p_map_landmark - modes[b].p_map_landmark;
         const ModeIndex i = flat.Index(group, a);
         const ModeIndex j = flat.Index(group, b);
-        if (ToldApart(difference, i, j, floor, gate, differences)) continue;
+        if (ToldApart(options, difference, i, j, differences)) continue;
         merges.push_back({group, a, b});
         gone[b] = true;
       }

@@ -152,10 +152,10 @@ int RemoveUndeterminedRuns(const MapperOptions& options, BuildState* build) {
   return KeepRuns(determined, kUndeterminedReason, build);
 }
 
-int RemoveImplausibleRuns(BuildState* build) {
+int RemoveImplausibleRuns(const PlausibilityOptions& options, BuildState* build) {
   Reasons reasons;
   for (const BuildRun& run : build->runs) {
-    reasons.push_back(ImplausibleCalibration(run, build->sensor));
+    reasons.push_back(ImplausibleCalibration(options, run, build->sensor));
   }
   return LeaveOut(reasons, build);
 }

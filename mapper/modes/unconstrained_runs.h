@@ -44,6 +44,6 @@ int RemoveUndeterminedRuns(const MapperOptions& options, BuildState* build);
 
 /// Takes out runs of a calibration that no vehicle has (ImplausibleCalibration), as some come to
 /// only together with others. Otherwise as RemoveUnconstrainedRuns().
-int RemoveImplausibleRuns(BuildState* build);
+int RemoveImplausibleRuns(const PlausibilityOptions& options, BuildState* build);
 
 }  // namespace shiftmap

@@ -12,8 +12,8 @@
 namespace shiftmap {
 namespace {
 
-constexpr int kMinLandmarks = 3;
-constexpr double kMostLost = 0.5;
+constexpr int kMinLandmarks = 3;   // That log and map have in common: two fit by accident.
+constexpr double kMostLost = 0.5;  // Share of its time that a log of the map may be LOST.
 
 std::set<Signature> SignaturesOf(const Run& run) {
   std::set<Signature> signatures;

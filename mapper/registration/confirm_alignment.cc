@@ -97,7 +97,7 @@ bool ConsensusPlace::MostAgree() const {
 
 bool ConsensusPlace::NeedsConfirmation() const {
   if (!most_agree_) return true;
-  if (!IsStiff(run_map_)) return false;
+  if (!IsStiff(run_map_, options_.deformation)) return false;
   AlignmentPoints others = run_map_.points;
   std::erase_if(others,
                 [&](const AlignmentPoint& point) { return consensus_->Agrees(point.group); });

@@ -15,17 +15,6 @@
 namespace shiftmap {
 namespace {
 
-// How well a mode is to be known to be matched. A vehicle that comes back to mapped ground after a
-// while is less sure where it is: only when nothing else is left is the limit raised. [m]
-constexpr double kFirstMaxSd = 0.5;
-constexpr double kLastMaxSd = 4.0;
-
-// Matches that the others contradict at this probability are none.
-constexpr double kContradicted = 0.999;
-
-// The map is deformed as well; its share is taken to be as large as the run map's.
-constexpr double kBothDeformed = 2.0;
-
 // So many modes hold a run map while it is deformed: they are seen every few metres.
 constexpr int kMaxHeld = 40;
 
@@ -33,7 +22,8 @@ constexpr int kMaxHeld = 40;
 class DeformedRunMap {
  public:
   DeformedRunMap(const MapperOptions& options, const RunMap& run_map, const BuildState& map)
-      : map_(map),
+      : options_(options.deformation),
+        map_(map),
         noise_(2.0 * std::pow(options.modes.position_floor_m, 2)),
         gate_(ChiSquareQuantile(options.modes.merge_probability, 2)),
         group_(GroupsOfModes(run_map.build)),
@@ -80,7 +70,7 @@ class DeformedRunMap {
   // match differs from what the others say of it by [K⁻¹]_ii⁻¹ [K⁻¹ d]_i, of covariance [K⁻¹]_ii⁻¹.
   std::vector<ModeIndex> Contradicted() {
     Invert();
-    const double gate = kBothDeformed * ChiSquareQuantile(kContradicted, 2);
+    const double gate = options_.variance_factor * ChiSquareQuantile(options_.contradiction, 2);
     std::vector<ModeIndex> contradicted;
     for (std::size_t k = 0; k < held_.size(); ++k) {
       const Eigen::Index below = whitened_.size() - RowOf(k);
@@ -105,7 +95,7 @@ class DeformedRunMap {
     const OptionalMode nearest = FindNearest(map_, group_[i], expected).mode;
     if (!nearest) return kUnassigned;
     const Eigen::Matrix2d S =
-        kBothDeformed * Symmetrized(cov) + noise_ * Eigen::Matrix2d::Identity();
+        options_.variance_factor * Symmetrized(cov) + noise_ * Eigen::Matrix2d::Identity();
     const bool agrees = SquaredMahalanobis(ModeAt(i, *nearest) - expected, S) <= gate_;
     return agrees ? nearest : kUnassigned;
   }
@@ -173,6 +163,7 @@ class DeformedRunMap {
     return map_.modes[group_[i]][mode].p_map_landmark;
   }
 
+  const DeformationOptions& options_;
   const BuildState& map_;
   double noise_;  // Between a mode of the run map and the same of the map, per axis. [m²]
   double gate_;
@@ -212,14 +203,15 @@ KnownModes GrowMatches(const MapperOptions& options,
     return deformed.Hold(known, std::move(open));
   };
   if (!hold()) return known;
-  for (double max_sd = kFirstMaxSd; max_sd <= kLastMaxSd && !deformed.open().empty();) {
+  for (double max_sd = options.deformation.first_max_sd_m;
+       max_sd <= options.deformation.last_max_sd_m && !deformed.open().empty();) {
     bool grew = false;
     for (std::size_t k = 0; k < deformed.open().size(); ++k) {
       OptionalMode& match = known[deformed.open()[k]];
       match = deformed.Match(k, max_sd);
       grew = grew || match;
     }
-    max_sd = grew ? kFirstMaxSd : 2.0 * max_sd;
+    max_sd = grew ? options.deformation.first_max_sd_m : 2.0 * max_sd;
     if (!grew) continue;
     if (!deformed.HoldMore(known)) return known;
     bool dropped = false;

@@ -17,19 +17,6 @@
 namespace shiftmap {
 namespace {
 
-// Error of a position in a map that its covariance does not know of. [m]
-constexpr double kPositionFloor = 0.03;
-
-// A landmark that stands farther from where it was than this many DisplacementOptions::
-// sd_displacement_m was displaced, whatever the others did. The normal distribution of
-// displacements has no tail for it: to it, most landmarks moving together the other way would be
-// more likely.
-constexpr double kSurelyDisplaced = 3.0;
-
-// A run that is deformed by this a metre from where it turns is off the tangent by half its square.
-// [m]
-constexpr double kLinear = 0.25;
-
 // Landmarks that are decided on together: time grows with the cube. Others than those around it
 // hardly tell whether a landmark stands where it stood.
 constexpr int kMaxTogether = 150;
@@ -80,7 +67,7 @@ std::vector<Displacement> DisplacementsOf(
           prior_covariance.Block(of_a.prior_mode, of_b.prior_mode);
     }
   }
-  cov.map.diagonal().array() += kPositionFloor * kPositionFloor;
+  cov.map.diagonal().array() += std::pow(options.displacement.position_floor_m, 2);
   cov.common = FreeGauge(before, options.sd_range_scale, Eigen::MatrixXd::Zero(size, size));
   return FindDisplaced(before, difference, cov, options.displacement);
 }
@@ -104,7 +91,7 @@ DisplacedModes Decide(const MapperOptions& options,
     const ModeMatch& match = matches[i];
     if (!match.is_prior) continue;
     if (std::sqrt(match.nearest.squared_m2) >
-        kSurelyDisplaced * options.displacement.sd_displacement_m.back()) {
+        options.displacement.sure_sds * options.displacement.sd_displacement_m.back()) {
       decided.displaced[i] = true;
       continue;
     }
@@ -124,7 +111,8 @@ DisplacedModes Decide(const MapperOptions& options,
       groups.push_back(candidate.match->group);
     }
     // Where the run lies alike in all that is likely, a landmark in doubt does not matter to it.
-    const Explanations precise = ExplainDisplacements(groups, displacements, kPositionFloor);
+    const Explanations precise =
+        ExplainDisplacements(groups, displacements, options.displacement.position_floor_m);
     if (precise.best().probability >= options.confirmation.min_probability_of_most) continue;
     decided.explanations.push_back(
         ExplainDisplacements(groups, displacements, options.confirmation.limits.same_frame_m));
@@ -205,7 +193,7 @@ DisplacedModes FindDisplacedModes(const MapperOptions& options,
                                   RunMap* run_map) {
   DisplacedModes decided;
   KnownModes known;  // Of what the run map is to be deformed onto.
-  if (!IsStiff(*run_map)) {
+  if (!IsStiff(*run_map, options.deformation)) {
     known = FitDeformedRunMap(options, map, Places(alignment, run_map->build), run_map);
   } else {
     const ModeMatches matches = MatchNearest(run_map->build, map);
@@ -216,7 +204,8 @@ DisplacedModes FindDisplacedModes(const MapperOptions& options,
                      ModePositions(run_map->build),
                      run_map->covariance);
     known = Undisplaced(matches, decided.displaced);
-    if (Deformation(options, HoldKnown(options, map, known, *run_map), *run_map) < kLinear) {
+    if (Deformation(options, HoldKnown(options, map, known, *run_map), *run_map) <
+        options.deformation.max_linear_m) {
       return decided;
     }
   }

@@ -19,12 +19,6 @@
 namespace shiftmap {
 namespace {
 
-// Fewer positions have no shape.
-constexpr std::size_t kMinShared = 3;
-
-// Translation, rotation and scale.
-constexpr int kGauge = 4;
-
 // A run by itself with the modes that it has in a joint map, and where that map has them.
 struct RunAlone {
   BuildState build;
@@ -63,13 +57,11 @@ RunAlone TakeAlone(const BuildState& build, RunIndex run, const std::vector<Buil
   return alone;
 }
 
-// A mode is taken for another one if that is nearer by this factor, squared.
-constexpr double kMistaken = 9.0;
-
 // Takes out modes of which the run by itself is much nearer to another one of the group: selection,
 // by the time of its visits, took the wrong one, which says nothing of where the run is.
 // @param shared  Of the joint map, as alone->shared.
-void DropMistaken(const BuildState& build,
+void DropMistaken(double distance_ratio,
+                  const BuildState& build,
                   const std::vector<BuildModeRef>& shared,
                   RunAlone* alone) {
   const IndexedVector<ModeIndex, Eigen::Vector2d> positions = ModePositions(alone->build);
@@ -77,7 +69,9 @@ void DropMistaken(const BuildState& build,
   for (std::size_t i = 0; i < shared.size(); ++i) {
     const Eigen::Vector2d& p = positions[alone->shared[i]];
     const double squared = (alone->places[i] - p).squaredNorm();
-    if (kMistaken * FindNearest(build, shared[i].group, p).squared_m2 < squared) continue;
+    if (distance_ratio * distance_ratio * FindNearest(build, shared[i].group, p).squared_m2 <
+        squared)
+      continue;
     kept.groups.push_back(shared[i].group);
     kept.shared.push_back(alone->shared[i]);
     kept.places.push_back(alone->places[i]);
@@ -99,7 +93,8 @@ std::optional<JoinedFit> FitJoined(const MapperOptions& options,
                                    RunIndex run) {
   const std::vector<BuildModeRef> shared = SharedModes(build, run);
   const auto own = std::ssize(ModesOf(build.runs[run]));
-  if (shared.size() < kMinShared || own > options.confirmation.max_modes) return std::nullopt;
+  if (shared.size() < ShapeCovariance::kMinModes || own > options.confirmation.max_modes)
+    return std::nullopt;
   RunAlone alone = TakeAlone(build, run, shared);
   // The scale of its ranges is free.
   MapperOptions scaled = options;
@@ -109,12 +104,12 @@ std::optional<JoinedFit> FitJoined(const MapperOptions& options,
 
   const BuildState joined = alone.build;
   SolveContinuous(scaled, &alone.build);
-  DropMistaken(build, shared, &alone);
-  if (alone.shared.size() < kMinShared) return std::nullopt;
+  DropMistaken(options.confirmation.mistaken_distance_ratio, build, shared, &alone);
+  if (alone.shared.size() < ShapeCovariance::kMinModes) return std::nullopt;
   JoinedFit fit;
   fit.groups = alone.groups;
   fit.groups.erase(std::unique(fit.groups.begin(), fit.groups.end()), fit.groups.end());
-  fit.dof = static_cast<int>(2 * alone.shared.size()) - kGauge;
+  fit.dof = static_cast<int>(2 * alone.shared.size()) - ShapeCovariance::kGauge;
   fit.limit = ChiSquareQuantile(1.0 - options.confirmation.false_misfit, fit.dof);
   const double sd_m = options.modes.position_floor_m / std::numbers::sqrt2;
   const double least = alone.build.cost;

@@ -2,6 +2,7 @@
 #include "mapper/registration/misregistered_runs.h"
 
 #include <algorithm>
+#include <cmath>
 #include <cstddef>
 #include <map>
 #include <optional>
@@ -21,15 +22,6 @@
 
 namespace shiftmap {
 namespace {
-
-// So many visits in a row that are of landmarks known elsewhere are no landmarks that moved.
-constexpr int kMisregisteredVisits = 6;
-
-// Visits of a part: enough of them to be aligned, and no loop to close.
-constexpr double kPartVisits = 24.0;
-
-// A visit this near to a mode of the others is of that. [m]
-constexpr double kSamePlace = 1.0;
 
 // Per group and mode, how many runs have it. That the prior map does counts for nothing: landmarks
 // may have moved since.
@@ -100,15 +92,15 @@ Eigen::Vector2d PlaceOf(const ModeOptions& options,
 }
 
 // Per visit of a run the mode of others that it is at, or kUnassigned.
-IndexedVector<VisitIndex, OptionalMode> MatchVisits(const ModeOptions& options,
+IndexedVector<VisitIndex, OptionalMode> MatchVisits(const MapperOptions& options,
                                                     const BuildState& build,
                                                     const Owners& others,
                                                     const BuildRun& run) {
   IndexedVector<VisitIndex, OptionalMode> matches;
   for (const MappingVisit& visit : run.data->visits) {
     const NearestMode nearest =
-        FindNearest(build, visit.group, PlaceOf(options, run, visit), HasOwner(others));
-    const bool matches_it = nearest.squared_m2 < kSamePlace * kSamePlace;
+        FindNearest(build, visit.group, PlaceOf(options.modes, run, visit), HasOwner(others));
+    const bool matches_it = nearest.squared_m2 < std::pow(options.relocation.same_place_m, 2);
     matches.push_back(matches_it ? nearest.mode : kUnassigned);
   }
   return matches;
@@ -131,7 +123,8 @@ std::optional<AlignedParts> AlignParts(const MapperOptions& options,
       std::count_if(data.visits.begin(), data.visits.end(), [&](const MappingVisit& visit) {
         return MakesMode(options.modes, visit);
       });
-  const double part_s = DurationOf(data) * kPartVisits / static_cast<double>(visits);
+  const double part_s =
+      DurationOf(data) * options.relocation.part_visits / static_cast<double>(visits);
   AlignedParts aligned{RunParts(data, part_s, BrokenMotions(run.motions)), {}};
   const AlignmentPoints reference = Reference(build, others, run);
   const double area = OccupiedArea(PositionsOf(reference));
@@ -175,7 +168,7 @@ std::optional<BuildRun> Realigned(const MapperOptions& options,
   if (!any) return std::nullopt;
   BuildRun realigned = run;
   realigned.poses = aligned->parts.Poses(run.motions);
-  realigned.assignment = MatchVisits(options.modes, build, others, realigned);
+  realigned.assignment = MatchVisits(options, build, others, realigned);
   return realigned;
 }
 
@@ -205,7 +198,7 @@ double CostAmong(const MapperOptions& options,
     } else {
       const Eigen::Vector2d place = PlaceOf(options.modes, run, visit);
       const auto near = std::find_if(modes.begin(), modes.end(), [&](const BuildMode& other) {
-        return (other.p_map_landmark - place).norm() < kSamePlace;
+        return (other.p_map_landmark - place).norm() < options.relocation.same_place_m;
       });
       assignment[v] = GroupModeIndex(near - modes.begin());
       if (near == modes.end()) modes.push_back({place, kAbsent, false});
@@ -232,7 +225,7 @@ std::optional<BuildRun> Relocate(const MapperOptions& options,
                                  const BuildRun& run,
                                  const StepCallback& on_step) {
   const Agreement before = AgreementOf(options.modes, run, others);
-  if (before.contradicting_row < kMisregisteredVisits) return std::nullopt;
+  if (before.contradicting_row < options.relocation.min_visits) return std::nullopt;
   std::optional<AlignedParts> aligned = AlignParts(options, build, others, run, on_step);
   if (!aligned) return std::nullopt;
   double least = CostAmong(options, build, others, run);

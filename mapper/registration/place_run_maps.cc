@@ -200,7 +200,7 @@ std::optional<RunMapAlignment> Locate(const MapperOptions& options,
   const double area_m2 = OccupiedArea(ModePositions(build));
   std::optional<RunMapAlignment> aligned =
       AlignRunMap(reference, run_map, area_m2, options.alignment);
-  if (!options.confirmation.enabled || IsDeformable(run_map)) return aligned;
+  if (!options.confirmation.enabled || IsDeformable(run_map, options.alignment)) return aligned;
   std::optional<Alignment> consensus;
   if (aligned) consensus = aligned->alignment;
   const ConsensusPlace place(options, reference, area_m2, run_map, consensus);

@@ -10,12 +10,6 @@
 namespace shiftmap {
 namespace {
 
-// A run map whose worst mode is not known to this, relative to the others, is deformed. [m]
-constexpr double kDeformedSd = 0.5;
-
-// Modes of a part: a vehicle sees as many within a minute or two.
-constexpr int kPartModes = 24;
-
 // The modes of a part, with covariances relative to them as a whole.
 AlignmentPoints PointsOf(const RunMap& run_map, const std::vector<ModeIndex>& part) {
   AlignmentPoints points;
@@ -42,8 +36,9 @@ void AddPlaces(const Alignment& alignment,
 
 }  // namespace
 
-bool IsDeformable(const RunMap& run_map) {
-  return std::ssize(run_map.points) > kPartModes && WorstSd(run_map) > kDeformedSd;
+bool IsDeformable(const RunMap& run_map, const AlignmentOptions& options) {
+  return std::ssize(run_map.points) > options.part_modes &&
+         WorstSd(run_map) > options.deformed_sd_m;
 }
 
 std::optional<RunMapAlignment> AlignRunMap(const AlignmentPoints& reference,
@@ -51,7 +46,7 @@ std::optional<RunMapAlignment> AlignRunMap(const AlignmentPoints& reference,
                                            double area_m2,
                                            const AlignmentOptions& options) {
   RunMapAlignment result;
-  result.deformed = IsDeformable(run_map);
+  result.deformed = IsDeformable(run_map, options);
   if (!result.deformed) {
     std::optional<Alignment> whole = AlignByConsensus(reference, run_map.points, area_m2, options);
     if (!whole) return std::nullopt;
@@ -59,7 +54,8 @@ std::optional<RunMapAlignment> AlignRunMap(const AlignmentPoints& reference,
     return result;
   }
   result.places.resize(run_map.points.size());
-  for (const std::vector<ModeIndex>& part : TileModes(PositionsOf(run_map.points), kPartModes)) {
+  for (const std::vector<ModeIndex>& part :
+       TileModes(PositionsOf(run_map.points), options.part_modes)) {
     std::optional<Alignment> alignment =
         AlignByConsensus(reference, PointsOf(run_map, part), area_m2, options);
     if (!alignment || alignment->signatures.size() < kMinPartSignatures) continue;

@@ -16,7 +16,7 @@ namespace shiftmap {
 inline constexpr std::size_t kMinPartSignatures = 4;
 
 /// Whether one rigid transform does not hold for a run map as a whole.
-bool IsDeformable(const RunMap& run_map);
+bool IsDeformable(const RunMap& run_map, const AlignmentOptions& options);
 
 /// Where a run map lies in the map.
 struct RunMapAlignment {
@@ -36,9 +36,9 @@ struct RunMapAlignment {
 /// Aligns a run map with the modes of a map.
 ///
 /// What a run says of the distance of two landmarks that it saw long after one another may be
-/// metres off, and no rigid transform makes such a run map agree with the map. A run map of which a
-/// mode is known worse than to half a metre against the others is therefore cut into parts of
-/// neighbours, each of which is aligned by itself. At least kMinPartSignatures must agree in one.
+/// metres off, and no rigid transform makes such a run map agree with the map. One that is
+/// IsDeformable() is therefore cut into parts of neighbours, each of which is aligned by itself. At
+/// least kMinPartSignatures must agree in one.
 ///
 /// Nothing is returned if no part aligns. Deterministic.
 /// @param reference  Modes of the map, at least those of the groups that the run map has.

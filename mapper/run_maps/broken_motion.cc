@@ -13,6 +13,7 @@ namespace {
 // A sighting beyond it is at no mode. [m]
 constexpr double kAtMode = 1.0;
 
+// Landmarks that moved, for each that stayed.
 constexpr int kLeastMovedPerStaying = 4;
 
 // Of a landmark, and where it was.

@@ -20,9 +20,8 @@ double WorstSd(const RunMap& run_map) {
   return worst;
 }
 
-bool IsStiff(const RunMap& run_map) {
-  constexpr double kStiffSd = 0.15;  // [m]
-  return WorstSd(run_map) <= kStiffSd;
+bool IsStiff(const RunMap& run_map, const DeformationOptions& options) {
+  return WorstSd(run_map) <= options.stiff_sd_m;
 }
 
 std::optional<Eigen::MatrixXd> RunMapCovariance(const MapperOptions& options, BuildState* build) {

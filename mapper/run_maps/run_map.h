@@ -25,7 +25,7 @@ double WorstSd(const RunMap& run_map);
 
 /// Whether a run map is known so well that its covariance, which is linear, says how it may differ
 /// from the map.
-bool IsStiff(const RunMap& run_map);
+bool IsStiff(const RunMap& run_map, const DeformationOptions& options);
 
 /// The covariance of a run map's modes, as RunMap::covariance, at their present values. Nothing if
 /// these have diverged so far that there is none.

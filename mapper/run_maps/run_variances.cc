@@ -21,26 +21,11 @@
 namespace shiftmap {
 namespace {
 
-// Translation, rotation and scale.
-constexpr double kGauge = 4.0;
-
-// What is known before: the covariances are right, as so many degrees of freedom would tell.
-constexpr double kPriorDof = 10.0;
-
 // Of a run by itself, from where it is in the build. [-]
 constexpr double kCostTolerance = 1e-4;
 
 // Factors up to this one move the minimum by next to nothing.
 constexpr double kNegligible = 1.5;
-
-// A mode whose difference is less probable, beside those of the others, is an outlier.
-constexpr double kOutlier = 1e-4;
-
-// None is where the mean square is not larger.
-constexpr double kAsExpected = 1.5;
-
-// Fewer modes have no outliers.
-constexpr int kMinModes = 6;
 
 // What a run by itself tells of its variance.
 struct RunVariance {
@@ -83,23 +68,27 @@ std::optional<RunVariance> VarianceOf(const MapperOptions& options,
   const std::optional<Eigen::VectorXd> difference = AlignedDifference(graph.modes, joint);
   if (!difference) return std::nullopt;
   const double factor = VarianceFactor(graph, *shape, options.seed);
-  const double dof = static_cast<double>(difference->size()) - kGauge;
+  const double dof = static_cast<double>(difference->size()) - ShapeCovariance::kGauge;
   if (scale_root.cols() == 0) {  // Most runs are as expected: that costs little to see.
     const double squares = shape->Whiten(*difference).squaredNorm() / factor;
-    if (squares <= kAsExpected * dof) return RunVariance{factor, {squares, dof}};
+    if (squares <= options.disagreement.expected_mean_square * dof)
+      return RunVariance{factor, {squares, dof}};
   }
   Eigen::MatrixXd information = shape->Information() / factor;
   if (scale_root.cols() > 0) information = WithRoot(information, scale_root);
-  return RunVariance{factor, DisagreementOf(information, *difference, dof)};
+  return RunVariance{factor, DisagreementOf(options.disagreement, information, *difference, dof)};
 }
 
 // The quantile of the square of a mode's difference, of two degrees of freedom, by the mean square
 // of others, of `dof` degrees of freedom, which is theirs by Fisher's distribution.
-double OutlierLimit(double dof) { return dof * (std::pow(kOutlier, -2.0 / dof) - 1.0); }
+double OutlierLimit(double probability, double dof) {
+  return dof * (std::pow(probability, -2.0 / dof) - 1.0);
+}
 
 }  // namespace
 
-Disagreement DisagreementOf(const Eigen::MatrixXd& of_all,
+Disagreement DisagreementOf(const DisagreementOptions& options,
+                            const Eigen::MatrixXd& of_all,
                             const Eigen::VectorXd& difference,
                             double dof) {
   Eigen::MatrixXd information = of_all;
@@ -108,8 +97,8 @@ Disagreement DisagreementOf(const Eigen::MatrixXd& of_all,
   Disagreement result = left;
   std::vector<Eigen::Index> modes;
   for (Eigen::Index m = 0; 2 * m < difference.size(); ++m) modes.push_back(m);
-  const std::size_t least = std::max<std::size_t>(kMinModes, modes.size() / 2);
-  while (modes.size() > least && left.squares > kAsExpected * left.dof) {
+  const std::size_t least = std::max(static_cast<std::size_t>(options.min_modes), modes.size() / 2);
+  while (modes.size() > least && left.squares > options.expected_mean_square * left.dof) {
     const auto decrease = [&](Eigen::Index m) {
       const Eigen::Vector2d of_mode = weighted.segment<2>(2 * m);
       return of_mode.dot(information.block<2, 2>(2 * m, 2 * m).inverse() * of_mode);
@@ -120,7 +109,8 @@ Disagreement DisagreementOf(const Eigen::MatrixXd& of_all,
     left.squares -= squares;
     left.dof -= 2.0;
     left.outliers.emplace(*worst, Eigen::Vector2d::Zero());
-    if (squares > OutlierLimit(left.dof) * std::max(1.0, left.squares / left.dof)) result = left;
+    const double limit = OutlierLimit(options.outlier_probability, left.dof);
+    if (squares > limit * std::max(1.0, left.squares / left.dof)) result = left;
     // The others' marginal.
     const Eigen::Index at = 2 * *worst;
     const Eigen::MatrixXd gain =
@@ -151,12 +141,14 @@ struct ModeSpread {
 };
 
 // By how much more than they tell runs differ from the prior map and each other.
-MapDisagreement MapDisagreementOf(const BuildState& build, const RunVariances& variances) {
+MapDisagreement MapDisagreementOf(const DisagreementOptions& options,
+                                  const BuildState& build,
+                                  const RunVariances& variances) {
   const FlatModes flat(build);
   const IndexedVector<ModeIndex, Eigen::Vector2d> positions = ModePositions(build);
   std::map<ModeIndex, ModeSpread> spreads;
-  double squares = kPriorDof;
-  double dof = build.priors.empty() ? kGauge : 0.0;
+  double squares = options.prior_dof;
+  double dof = build.priors.empty() ? ShapeCovariance::kGauge : 0.0;
   const auto add = [&](const std::vector<ModeIndex>& modes, const Disagreement& disagreement) {
     squares += disagreement.squares;
     dof += disagreement.dof;
@@ -180,12 +172,14 @@ MapDisagreement MapDisagreementOf(const BuildState& build, const RunVariances& v
       difference.segment<2>(static_cast<Eigen::Index>(2 * i)) += positions[prior.modes[i]];
     }
     add(prior.modes,
-        DisagreementOf(prior.information, difference, static_cast<double>(difference.size())));
+        DisagreementOf(
+            options, prior.information, difference, static_cast<double>(difference.size())));
   }
   dof -= 2.0 * static_cast<double>(spreads.size());  // What the common map takes.
   MapDisagreement result;
   // Else the map is also of what the sums do not have.
-  if (all_compared) result.factor = std::max(1.0, squares / (kPriorDof + std::max(0.0, dof)));
+  if (all_compared)
+    result.factor = std::max(1.0, squares / (options.prior_dof + std::max(0.0, dof)));
   for (const auto& [mode, spread] : spreads) {
     if (spread.squares.isZero(0.0)) continue;
     result.of_modes[mode] = spread.squares / static_cast<double>(spread.sources);
@@ -213,7 +207,7 @@ bool EstimateRunVariances(const MapperOptions& options, BuildState* build) {
     alone.loss_reach = build->loss_reach;
     variances[r] = VarianceOf(of_one, is_alone, of_run, std::move(alone));
   });
-  build->disagreement = MapDisagreementOf(*build, variances);
+  build->disagreement = MapDisagreementOf(options.disagreement, *build, variances);
   double in_weights = 1.0;
   if (flat.count() > kMaxJointModes) {
     in_weights = std::exchange(build->disagreement.factor, 1.0);

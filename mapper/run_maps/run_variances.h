@@ -27,7 +27,8 @@ struct Disagreement {
 /// @param information  Of the modes, two rows each. [1/m²]
 /// @param difference   [m]
 /// @param dof          What the sum is expected to be.
-Disagreement DisagreementOf(const Eigen::MatrixXd& information,
+Disagreement DisagreementOf(const DisagreementOptions& options,
+                            const Eigen::MatrixXd& information,
                             const Eigen::VectorXd& difference,
                             double dof);
 

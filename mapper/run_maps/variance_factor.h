@@ -19,6 +19,9 @@ class ShapeCovariance {
   /// Fewer modes have no shape.
   static constexpr std::size_t kMinModes = 3;
 
+  /// What a shape leaves open: translation, rotation and scale.
+  static constexpr int kGauge = 4;
+
   /// Nothing if the build does not determine its modes.
   /// @param graph  Solved, of kMinModes and more; it must outlive this.
   static std::optional<ShapeCovariance> Of(const Graph& graph);

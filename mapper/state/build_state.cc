@@ -9,10 +9,6 @@
 namespace shiftmap {
 namespace {
 
-// What sensors read too much, before their runs tell. [m], [rad]
-constexpr double kBearingOffsetSd = 0.05;  // [rad]
-constexpr double kRangeCurvatureSd = 0.5;  // [1/rad²]
-
 // Of what is not estimated.
 constexpr double kHeldSd = 1e-9;
 
@@ -33,7 +29,10 @@ GraphRun MakeGraphRun(const MapperOptions& options, bool in_map_units, BuildRun*
   result.correction_prior_mean = CorrectionBetween(run->motions.calibration, fleet);
   result.sensor_bias = run->sensor_bias;
   result.sensor_bias_sd.setConstant(kHeldSd);
-  if (calibrate) result.sensor_bias_sd.tail<2>() << kBearingOffsetSd, kRangeCurvatureSd;
+  if (calibrate) {
+    result.sensor_bias_sd.tail<2>() << options.sd_bearing_offset_rad,
+        options.sd_range_curvature_per_rad2;
+  }
   if (calibrate && in_map_units) {
     result.sensor_bias_sd[kLogRangeScale] = std::max(kHeldSd, options.sd_run_range_scale);
   }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "mapper/state/sightings.h"
 
+#include "mapper/graph/residuals.h"
 #include "mapstore/geometry/covariance.h"
 
 namespace shiftmap {
@@ -43,7 +44,7 @@ const Eigen::Vector2d& AssignedPosition(const BuildState& build,
 }
 
 bool IsInlier(const BuildState& build, const BuildRun& run, const Sighting& sighting) {
-  static const double gate = ChiSquareQuantile(0.999, 2);
+  static const double gate = ChiSquareQuantile(kInlierProbability, 2);
   if (!run.assignment[sighting.visit]) return false;
   const Innovation innovation =
       SightingInnovation(run, sighting, AssignedPosition(build, run, sighting));

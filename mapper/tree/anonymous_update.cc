@@ -13,10 +13,6 @@
 namespace shiftmap {
 namespace {
 
-// An observation of no landmark begins one if it is outside of this gate of all others: else it is
-// a badly measured one.
-constexpr double kIsolationProbability = 0.9999;
-
 double LogGaussianOf(const JointInnovation& joint) {
   const Eigen::LLT<Eigen::MatrixXd> llt(joint.S);
   if (llt.info() != Eigen::Success) return 0.0;  // Nothing was updated.
@@ -43,10 +39,11 @@ std::vector<int> ActiveLandmarks(const std::vector<AnonymousLandmark>& known,
   return landmarks;
 }
 
-bool IsIsolated(const Observation& observation,
+bool IsIsolated(const AnonymousOptions& options,
+                const Observation& observation,
                 const std::vector<AnonymousLandmark>& known,
                 const SlamState& state) {
-  static const double gate = ChiSquareQuantile(kIsolationProbability, 2);
+  const double gate = ChiSquareQuantile(options.isolation_probability, 2);
   const double slack_m = PlaceSlack(state, observation.PositionInVehicle().norm());
   const Eigen::Vector2d p = LandmarkPosition(observation, state.pose());
   return std::none_of(known.begin(), known.end(), [&](const AnonymousLandmark& landmark) {
@@ -93,7 +90,7 @@ double UpdateAnonymous(const Scan& scan,
   for (const int i : free) {
     const Observation& observation = scan.observations[static_cast<std::size_t>(i)];
     log_likelihood += std::log(density * SquareMetresPerUnit(observation));
-    if (!IsIsolated(observation, *known, *state)) continue;
+    if (!IsIsolated(options, observation, *known, *state)) continue;
     known->push_back({state->Add(observation), 1, scan_number, scan.stamp});
   }
   std::erase_if(*known, [&](const AnonymousLandmark& landmark) {

@@ -19,6 +19,10 @@ struct AnonymousOptions {
   /// As TreeSlamOptions::gate_probability.
   double gate_probability = 0.99;
 
+  /// An observation of no landmark begins one if it is outside of this gate of all others: else it
+  /// is a badly measured one.
+  double isolation_probability = 0.9999;
+
   /// A landmark is dropped if it was not seen so often within so many scans of its first.
   int confirm_sightings = 3;
   int confirm_within_scans = 15;

@@ -21,9 +21,10 @@ Status TreeSlamOptions::Validate() const {
   if (!(leave_rate_per_s >= 0.0)) {
     return InvalidArgument("leave_rate_per_s: {}, expected 0 or more", leave_rate_per_s);
   }
-  if (!probability(anonymous_landmarks.gate_probability)) {
-    return InvalidArgument("gate_probability: {}, expected within (0, 1)",
-                           anonymous_landmarks.gate_probability);
+  for (const double value :
+       {anonymous_landmarks.gate_probability, anonymous_landmarks.isolation_probability}) {
+    if (probability(value)) continue;
+    return InvalidArgument("anonymous_landmarks: probability {}, expected within (0, 1)", value);
   }
   if (min_sightings < 1 || anonymous_landmarks.confirm_sightings < 1 ||
       anonymous_landmarks.confirm_within_scans < 1) {

@@ -215,7 +215,7 @@ int TreeSlam::GroupOf(const Signature& signature) {
 }
 
 double TreeSlam::InView(const SlamState::Relative& relative) const {
-  constexpr double kFarSd = 6.0;
+  constexpr double kFarSd = 6.0;  // Beyond it the probability of being in view is 1e-9.
   if (relative.q_vehicle.norm() > sensor_.max_range_m + kFarSd * std::sqrt(relative.cov.trace())) {
     return 0.0;
   }
@@ -301,7 +301,7 @@ void TreeSlam::CountOutcome(const Seen& seen) {
 }
 
 void TreeSlam::CountDetections(int seen) {
-  constexpr double kWellInView = 0.9;
+  constexpr double kWellInView = 0.9;  // P_FOV: a miss is then one of the detector.
   for (const Visit& visit : tree_.visits()) {
     if (seen - (visit.seen ? 1 : 0) == 0) continue;
     const int resolved = best().beliefs[tree_.BeliefIndex(visit.group)].resolved;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "mapper/mapper.h"
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -8,6 +9,7 @@
 #include <cmath>
 #include <limits>
 #include <map>
+#include <string>
 
 #include "proto/core/check.h"
 #include "tests/support/geometry_matchers.h"
@@ -290,6 +292,41 @@ TEST(MapperOptions, WhatIsOutOfRangeIsNamed) {
   expect_named("prior of 0 jumps", [](auto* o) { o->chains.learning.prior_jumps = 0.0; });
   expect_named("threads", [](auto* o) { o->threads = 0; });
   expect_named("max_memory_bytes", [](auto* o) { o->max_memory_bytes = -1; });
+}
+
+// Where a build of two runs on a map has its modes.
+std::string OutcomeOf(const MapperOptions& options) {
+  OpenWorldOptions world = SmallWorld(3);
+  world.modes_per_group = 1;
+  const std::vector<MapperInput> inputs = testing::Inputs(Simulate(world));
+  MapContent prior = Build({inputs[0]}).content;
+  for (Mode& mode : prior.groups[4].modes) mode.p_map_landmark.x() += 0.7;
+  const StatusOr<MapperResult> result = BuildMap({inputs[1], inputs[2]}, prior, options);
+  if (!result.ok()) return Message(result.status());
+  std::string outcome;
+  for (const LandmarkGroup& group : result->content.groups) {
+    for (const Mode& mode : group.modes) {
+      outcome += fmt::format("{:.7f} {:.7f}\n", mode.p_map_landmark.x(), mode.p_map_landmark.y());
+    }
+  }
+  return outcome;
+}
+
+TEST(MapperOptions, EachNumberDecides) {
+  const std::string usual = OutcomeOf({});
+  const auto expect_decides = [&](const char* name, const auto& move) {
+    MapperOptions moved;
+    move(&moved);
+    EXPECT_THAT(moved.Validate(), IsOk()) << name;
+    EXPECT_NE(OutcomeOf(moved), usual) << name;
+  };
+  expect_decides("position_floor_m", [](auto* o) { o->displacement.position_floor_m = 2.0; });
+  expect_decides("sure_sds", [](auto* o) { o->displacement.sure_sds = 0.05; });
+  expect_decides("stiff_sd_m", [](auto* o) { o->deformation.stiff_sd_m = 1e-6; });
+  expect_decides("max_linear_m", [](auto* o) { o->deformation.max_linear_m = 1e-6; });
+  expect_decides("loss_reach_sds", [](auto* o) { o->loss_reach_sds = 2.0; });
+  expect_decides("sd_bearing_offset_rad", [](auto* o) { o->sd_bearing_offset_rad = 1e-6; });
+  expect_decides("sd_range_curvature", [](auto* o) { o->sd_range_curvature_per_rad2 = 1e-6; });
 }
 
 // Where lengths are known exactly, a night on a map has one error less to estimate.

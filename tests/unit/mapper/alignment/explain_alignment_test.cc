@@ -550,7 +550,7 @@ class SwappedRacksTest : public ::testing::Test {
   static constexpr double kSide = 20.0;
 
   // @param stayed  Of eight other landmarks.
-  Explanations ExplainSwap(std::size_t stayed, double turn_rad) const {
+  Explanations ExplainSwap(std::size_t stayed, double turn_rad, const MovePrior& prior = {}) const {
     std::vector<Eigen::Vector2d> before = {{1.0, 2.0},
                                            {18.2, 8.0},
                                            {4.2, 18.0},
@@ -571,7 +571,7 @@ class SwappedRacksTest : public ::testing::Test {
         after.emplace_back(centres[1 - rack] + R * offset);
       }
     }
-    return Explain(Points(before, 0.01), Points(after, 0.01), kSide * kSide, {}, {}).value();
+    return Explain(Points(before, 0.01), Points(after, 0.01), kSide * kSide, prior, {}).value();
   }
 
   const std::vector<Eigen::Vector2d> kRack = {
@@ -596,6 +596,22 @@ TEST_F(SwappedRacksTest, AreTwoBodiesWhereFiveOthersStayed) {
     const Explanation best = ExplainSwap(5, turn_rad).frames.front();
     EXPECT_GT(best.probability, kDecided) << turn_rad;
     EXPECT_EQ(best.alignment.signatures, Groups({0, 1, 2, 3, 4})) << turn_rad;
+  }
+}
+
+TEST_F(SwappedRacksTest, WhatIsAssumedOfBodiesThatMoveDecides) {
+  for (double MovePrior::*sd : {&MovePrior::same_heading_sd_rad,
+                                &MovePrior::slot_sd_m,
+                                &MovePrior::exchange_sd_m,
+                                &MovePrior::exchange_heading_sd_rad}) {
+    MovePrior prior;
+    prior.*sd *= 10.0;
+    double change = 0.0;
+    for (const double turn_rad : {0.1, 0.3, 1.0}) {
+      change += std::abs(ExplainSwap(1, turn_rad, prior).frames.front().probability -
+                         ExplainSwap(1, turn_rad).frames.front().probability);
+    }
+    EXPECT_GT(change, 1e-6);
   }
 }
 

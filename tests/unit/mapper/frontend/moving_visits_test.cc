@@ -68,6 +68,24 @@ TEST(MovingVisits, ACodeOnAnotherVehicleMoves) {
               UnorderedElementsAre(Pair(Signature("other"), ::testing::Gt(seen / 2))));
 }
 
+TEST(MovingVisits, WhatCountsAsMovingIsAnOption) {
+  shiftmap::Run run = testing::StaticWorld(1).runs[0].run;
+  for (Scan& scan : run.scans) scan.observations.push_back(At("own", {1.0, 0.3}));
+  const auto moving = [&](const MovingVisitOptions& options) {
+    return MovingSightings(run, {.moving = options}).size();
+  };
+  EXPECT_EQ(moving({}), 1u);
+  EXPECT_EQ(moving({.min_way_m = 1e3}), 0u);
+  EXPECT_EQ(moving({.max_time_s = 1e-3}), 0u);
+  EXPECT_EQ(moving({.moved_share = 10.0}), 0u);
+  EXPECT_EQ(moving({.min_moves = 10000}), 0u);
+  // The noise of ranges and bearings is some of the way.
+  const MovingVisitOptions easy{.moved_share = 0.1, .min_moves = 1, .min_moves_per_standing = 0};
+  MovingVisitOptions hard = easy;
+  hard.min_moves_per_standing = 1000;
+  EXPECT_GT(moving(easy), moving(hard));
+}
+
 TEST(MovingVisits, LandmarksStandWhateverTheOdometryDoes) {
   for (std::uint64_t seed = 1; seed <= 4; ++seed) {
     const SimulatedRun right = testing::StaticWorld(seed).runs[0];

@@ -34,6 +34,9 @@ TEST(MergeMemory, MergesModesThatAreOnePlace) {
   ASSERT_TRUE(differences);
   const std::vector<ModeMerge> merges = FindMerges(options.modes, *differences, build);
   EXPECT_EQ(merges.size(), 1u);
+  ModeOptions sure = options.modes;
+  sure.max_merge_sd_m = 1e-3;  // Nothing is known that well.
+  EXPECT_TRUE(FindMerges(sure, *differences, build).empty());
   MergeMemory(build).Merge(merges, &build);
   EXPECT_EQ(testing::CountModes(build), before);
   for (const VisitRef& ref : *busiest) EXPECT_EQ(AssignmentOf(build, ref), GroupModeIndex(0));

@@ -104,6 +104,16 @@ TEST(GrowMatches, LeavesAloneWhatMovedAndWhatIsDecided) {
   }();
   const KnownModes more = GrowMatches(options, road.run_map, road.map, start, fixed);
   for (const ModeIndex i : decided) EXPECT_EQ(more[i], kUnassigned) << i.value();
+
+  const auto grows_otherwise = [&](const DeformationOptions& deformation) {
+    MapperOptions moved;
+    moved.deformation = deformation;
+    return GrowMatches(moved, road.run_map, road.map, start, fixed) != more;
+  };
+  EXPECT_TRUE(grows_otherwise({.first_max_sd_m = 8.0}));
+  EXPECT_TRUE(grows_otherwise({.last_max_sd_m = 0.1}));
+  EXPECT_TRUE(grows_otherwise({.contradiction = 0.01}));
+  EXPECT_TRUE(grows_otherwise({.variance_factor = 1000.0}));
 }
 
 TEST(DeformOntoMap, BringsKnownModesAndTheTrajectoryToTheMap) {

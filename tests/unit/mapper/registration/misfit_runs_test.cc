@@ -112,6 +112,24 @@ TEST_F(MisfitRuns, AJoinThatIsForcedUponLandmarksThatMovedIsRefused) {
   }
 }
 
+TEST_F(MisfitRuns, AModeThatIsTakenForANearerOneSaysNothing) {
+  BuildState joined = JoinedByForce(1, EveryThird);
+  const std::optional<JoinedFit> fit = FitJoined(options_, joined, RunIndex(1));
+  for (const GroupIndex group : joined.modes.indices()) {
+    if (group.value() % 3 != 0 || joined.modes[group].empty()) continue;
+    const Eigen::Vector2d place = joined.modes[group].front().p_map_landmark;
+    for (int k = 0; k < 80; ++k) {  // One of them is where the run by itself has the landmark.
+      const Eigen::Vector2d to(0.2 * (k / 16 + 1), 0.0);
+      joined.modes[group].push_back({place + Se2(0.0, 0.0, 0.4 * k) * to, kAbsent, false});
+    }
+  }
+  const std::optional<JoinedFit> without = FitJoined(options_, joined, RunIndex(1));
+  ASSERT_TRUE(fit && without);
+  EXPECT_LT(without->groups.size(), fit->groups.size());
+  options_.confirmation.mistaken_distance_ratio = 1e3;
+  EXPECT_EQ(FitJoined(options_, joined, RunIndex(1)).value().groups, fit->groups);
+}
+
 // With a hold as firm as the joint map, and noise that is right, twice the log-likelihood ratio has
 // at most the χ² of the shape of the landmarks in common: what the other run adds is less than what
 // the run itself does not know.

@@ -46,6 +46,20 @@ class MisregisteredRuns : public ::testing::Test {
     return world;
   }
 
+  // Of a build in which a run lays a second map from its middle on.
+  void ExpectOptionsDecide(const BuildState& build) {
+    const auto put_back = [&](const RelocationOptions& relocation) {
+      MapperOptions options = options_;
+      options.relocation = relocation;
+      BuildState moved = build;
+      const int count = RelocateMisregisteredRuns(options, &moved);
+      return std::pair(count, moved.runs[1].poses.back().x());
+    };
+    EXPECT_EQ(put_back({.min_visits = 1000}).first, 0);
+    EXPECT_EQ(put_back({.same_place_m = 1e-6}).first, 0);
+    EXPECT_NE(put_back({.part_visits = 1e4}), put_back({}));  // All of it is one part.
+  }
+
   MapperOptions options_;
   std::deque<MappingRun> runs_;
 };
@@ -80,6 +94,7 @@ TEST_F(MisregisteredRuns, ArePutBack) {
     const FrameIndex from(before.poses.size() * share / 4);
     LaySecondMap(from, Se2(12.0, 5.0, 0.4), &build.runs[1], &build);
     ASSERT_GT(testing::CountModes(build), modes + 5);
+    if (share == 2) ExpectOptionsDecide(build);
     EXPECT_EQ(RelocateMisregisteredRuns(options_, &build), 1);
     GraphSolver solver;
     AlternateModes(options_, &build, &solver);

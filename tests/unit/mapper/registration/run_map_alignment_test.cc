@@ -68,6 +68,14 @@ TEST(AlignRunMap, FindsTheModesOfADeformedRunMapPartByPart) {
   EXPECT_GT(found, kLandmarks / 3);
 }
 
+TEST(AlignRunMap, WhatCountsAsDeformedIsAnOption) {
+  std::mt19937_64 random(testing::TestSeed(98));
+  const RunMap run_map = MakeDeformedRoad(0.5, random).run_map;
+  EXPECT_TRUE(IsDeformable(run_map, {}));
+  EXPECT_FALSE(IsDeformable(run_map, {.deformed_sd_m = 100.0}));
+  EXPECT_FALSE(IsDeformable(run_map, {.part_modes = kLandmarks}));
+}
+
 TEST(AlignRunMap, TakesARigidRunMapAsAWhole) {
   std::mt19937_64 random(testing::TestSeed(99));
   const DeformedRoad road = MakeDeformedRoad(0.0, random);

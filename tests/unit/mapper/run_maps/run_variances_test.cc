@@ -38,7 +38,7 @@ TEST(DisagreementOf, IsTheSumOfSquares) {
   std::mt19937_64 random(testing::TestSeed(1));
   const Eigen::MatrixXd covariance = RandomCovariance(20, random);
   const Eigen::VectorXd difference = Draw(covariance, random);
-  const Disagreement all = DisagreementOf(covariance.inverse(), difference, 20.0);
+  const Disagreement all = DisagreementOf({}, covariance.inverse(), difference, 20.0);
   EXPECT_NEAR(all.squares, difference.dot(covariance.llt().solve(difference)), 1e-8);
   EXPECT_EQ(all.dof, 20.0);
 }
@@ -56,7 +56,7 @@ TEST(DisagreementOf, LeavesOutModesThatDifferByThemselves) {
       if (row / 2 != 3 && row / 2 != 9) rows.push_back(row);
     }
     const Eigen::VectorXd others = difference(rows);
-    const Disagreement found = DisagreementOf(covariance.inverse(), difference, 24.0);
+    const Disagreement found = DisagreementOf({}, covariance.inverse(), difference, 24.0);
     EXPECT_EQ(found.dof, 20.0) << scale;
     const Eigen::VectorXd whitened = covariance(rows, rows).llt().solve(others);
     EXPECT_NEAR(found.squares, others.dot(whitened), 1e-6 * found.squares);
@@ -69,14 +69,27 @@ TEST(DisagreementOf, LeavesOutModesThatDifferByThemselves) {
   }
 }
 
+TEST(DisagreementOf, WhatIsAnOutlierIsAnOption) {
+  const Eigen::MatrixXd information = 1e4 * Eigen::MatrixXd::Identity(24, 24);
+  Eigen::VectorXd difference = Eigen::VectorXd::Constant(24, 0.01);
+  difference.head<2>().setConstant(0.08);
+  const auto outliers = [&](const DisagreementOptions& options) {
+    return DisagreementOf(options, information, difference, 24.0).outliers.size();
+  };
+  EXPECT_EQ(outliers({}), 1u);
+  EXPECT_EQ(outliers({.outlier_probability = 1e-40}), 0u);
+  EXPECT_EQ(outliers({.expected_mean_square = 100.0}), 0u);
+  EXPECT_EQ(outliers({.min_modes = 12}), 0u);
+}
+
 TEST(DisagreementOf, KeepsHalfOfTheModes) {
   std::mt19937_64 random(testing::TestSeed(3));
   const Eigen::MatrixXd covariance = RandomCovariance(20, random);
   Eigen::VectorXd difference = Draw(covariance, random);
   for (Eigen::Index m = 0; m < 4; ++m) difference[2 * m] += 1e3 * static_cast<double>(m + 1);
-  EXPECT_EQ(DisagreementOf(covariance.inverse(), difference, 20.0).dof, 12.0);
+  EXPECT_EQ(DisagreementOf({}, covariance.inverse(), difference, 20.0).dof, 12.0);
   for (Eigen::Index m = 4; m < 10; ++m) difference[2 * m] -= 1e5 * static_cast<double>(m * m);
-  EXPECT_GE(DisagreementOf(covariance.inverse(), difference, 20.0).dof, 10.0);
+  EXPECT_GE(DisagreementOf({}, covariance.inverse(), difference, 20.0).dof, 10.0);
 }
 
 // Static landmarks, seen often.
@@ -203,6 +216,15 @@ double NeesOfSmallMoves(const MapperOptions& mapper) {
         BuildMap(testing::Inputs(world), std::nullopt, mapper).value().content, world));
   }
   return maps.nees / maps.dof;
+}
+
+TEST_F(EstimateRunVariancesTest, DisagreementCountsForLessTheMoreIsKnownBefore) {
+  mapper_.disagreement.outlier_probability = 1e-9;  // The moves are no outliers.
+  const std::vector<MapperInput> runs = testing::Inputs(WorldOfSmallMoves(1, 2, 4));
+  const double disagreement = BuildMap(runs, std::nullopt, mapper_).value().disagreement;
+  EXPECT_GT(disagreement, 1.0);
+  mapper_.disagreement.prior_dof = 1e6;
+  EXPECT_LT(BuildMap(runs, std::nullopt, mapper_).value().disagreement, disagreement);
 }
 
 TEST_F(EstimateRunVariancesTest, AMapHasTheErrorsItClaimsWhereLandmarksMovedALittle) {

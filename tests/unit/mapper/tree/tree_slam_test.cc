@@ -357,6 +357,20 @@ TEST(TreeSlam, LandmarksWithoutSignatureAreMappedBesideOthers) {
   }
 }
 
+// Two places four standard deviations apart.
+TEST(TreeSlam, WhatBeginsALandmarkWithoutSignatureIsAnOption) {
+  const auto landmarks = [](double isolation_probability) {
+    TreeSlam slam = Standing(
+        {.anonymous_landmarks = {.isolation_probability = isolation_probability}}, std::nullopt);
+    for (int step = 0; step < 10; ++step) {
+      slam.Correct(ScanOf(0.2 * step, {At("", 5.0, 0.0), At("", 5.0, 4.0 * kSd)}));
+    }
+    return slam.Content().anonymous_landmarks.size();
+  };
+  EXPECT_EQ(landmarks(0.9999), 1u);
+  EXPECT_EQ(landmarks(0.9), 2u);
+}
+
 // A stored map does not say that the errors of its landmarks without signature are shared.
 TEST(TreeSlam, LandmarksWithoutSignatureOfAMapAreNotTakenForIndependent) {
   MapContent prior = OneMode();
