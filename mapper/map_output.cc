@@ -12,6 +12,7 @@
 #include "mapper/modes/doubtful_modes.h"
 #include "mapper/modes/missed_visits.h"
 #include "mapper/modes/mode_refinement.h"
+#include "mapper/modes/unseen_modes.h"
 #include "mapstore/map/mode_filter.h"
 #include "mapstore/map/shift_report_check.h"
 
@@ -227,16 +228,16 @@ std::vector<EvidenceRow> RowsOf(const BuildState& build, const GroupSource& sour
 // neither tells of keeps its own.
 StatusOr<std::vector<GroupChain>> LearnChainsOf(const BuildState& build,
                                                 const std::vector<GroupSource>& sources,
-                                                const std::vector<OlderEvidence>& older,
+                                                const std::vector<RunRecord>& older,
                                                 const MapperOptions& options,
                                                 std::vector<LandmarkGroup>* groups) {
   std::vector<EvidenceRow> rows;
   for (const GroupSource& source : sources) {
     for (EvidenceRow& row : RowsOf(build, source)) rows.push_back(std::move(row));
   }
-  for (const OlderEvidence& of_run : older) {
-    for (const VisitEvidence& visit : of_run.evidence) {
-      rows.push_back({of_run.run.sha256, visit, of_run.run.vehicle});
+  for (const RunRecord& run : older) {
+    for (const VisitEvidence& visit : run.evidence) {
+      rows.push_back({run.sha256, visit, run.vehicle});
     }
   }
   SHIFTMAP_ASSIGN_OR_RETURN(std::vector<GroupChain> chains,

@@ -26,7 +26,7 @@ struct MapOutput {
   IndexedVector<RunIndex, std::vector<VisitEvidence>> evidence;
 
   /// The same of older runs, about modes that are new.
-  std::vector<OlderEvidence> older;
+  std::vector<RunRecord> older;
 
   /// From where each run saw the modes.
   IndexedVector<RunIndex, std::vector<ModeVisibility>> visibility;

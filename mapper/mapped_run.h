@@ -3,28 +3,19 @@
 
 #include <cstddef>
 #include <span>
-#include <string>
 #include <vector>
 
 #include "mapper/state/build_state.h"
 #include "mapstore/core/stamp.h"
 #include "mapstore/geometry/se2.h"
 #include "mapstore/map/calibration.h"
-#include "mapstore/map/evidence.h"
-#include "mapstore/map/visibility.h"
+#include "mapstore/map/run_record.h"
 #include "mapstore/run/run.h"
-#include "mapstore/run/trajectory.h"
 
 namespace shiftmap {
 
-/// What became of one run.
-struct MappedRun {
-  std::string name;
-  std::string sha256;
-  std::string uuid;  ///< RunInfo::uuid.
-  std::string vehicle;
-  Stamp begin;
-  Stamp end;
+/// What became of one run; its trajectory has all key frames.
+struct MappedRun : RunRecord {
   int poses = 0;
   int observations = 0;            ///< Of identified landmarks, used or not.
   int outliers = 0;                ///< Of those, not explained by the mode of their visit.
@@ -36,12 +27,6 @@ struct MappedRun {
   Se2 T_map_start;               ///< Pose at the first odometry sample.
   OdometryCalibration odometry;
   SensorBias sensor_bias = SensorBias::Zero();
-  std::vector<StampedPose> trajectory;  ///< At the key frames.
-
-  /// What its visits say of the map's landmarks, those without sightings included.
-  std::vector<VisitEvidence> evidence;
-
-  std::vector<ModeVisibility> visibility;  ///< From where it saw the map's modes.
 
   /// After which key frames the vehicle was moved and its odometry did not see it.
   std::vector<Stamp> moved;

@@ -62,7 +62,7 @@ struct MapperResult {
   SelectionSummary selection;
   std::int64_t estimated_memory_bytes = 0;  ///< What the build was expected to take at its peak.
   std::vector<VehicleEstimate> vehicles;    ///< By name; none if the options do not calibrate.
-  std::vector<OlderEvidence> older;         ///< What older runs say of new modes.
+  std::vector<RunRecord> older;             ///< What older runs say of new modes.
   std::vector<GroupChain> chains;           ///< As learned, one per group of the content; or none.
 };
 

@@ -15,11 +15,11 @@
 #include "mapper/frontend/mapping_run.h"
 #include "mapper/graph/solver_limits.h"
 #include "mapper/modes/missed_detection_model.h"
-#include "mapper/modes/unseen_modes.h"
 #include "mapper/selection/selector.h"
 #include "mapstore/core/clock.h"
 #include "mapstore/map/calibration.h"
 #include "mapstore/map/mode_filter.h"
+#include "mapstore/map/run_record.h"
 #include "mapstore/map/visibility.h"
 #include "proto/core/status.h"
 
@@ -200,7 +200,7 @@ struct MapperOptions {
   std::vector<ModeVisibility> visibility;
 
   /// Runs along the line of the prior map that modes of the build are new to; none of the build.
-  std::vector<OlderRun> older_runs;
+  std::vector<RunRecord> older_runs;
 
   ChainOptions chains;
 

@@ -44,7 +44,7 @@ struct PriorMap {
   std::vector<Exclusion> exclusions;       // What an operator took out of the area's memory.
   std::vector<EvidenceRow> evidence;       // Of the line of versions, to learn the chains from.
   std::vector<ModeVisibility> visibility;  // Of the same line's runs.
-  std::vector<OlderRun> older_runs;        // The newest of that line.
+  std::vector<RunRecord> older_runs;       // The newest of that line.
   BuildEdits edits;
 };
 
@@ -207,13 +207,13 @@ Status LeaveOutExcluded(const std::string& area,
 
 // The newest runs of a version and its ancestors, with their trajectories.
 // @param without_runs  Hashes and identities.
-StatusOr<std::vector<OlderRun>> LoadOlderRuns(const std::string& area,
-                                              VersionNumber version,
-                                              const std::set<std::string>& without_runs,
-                                              MapStore* store) {
+StatusOr<std::vector<RunRecord>> LoadOlderRuns(const std::string& area,
+                                               VersionNumber version,
+                                               const std::set<std::string>& without_runs,
+                                               MapStore* store) {
   constexpr std::size_t kMostRuns = 500;
   SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<VersionSummary> versions, store->Versions(area));
-  std::vector<OlderRun> runs;
+  std::vector<RunRecord> runs;
   std::optional<VersionNumber> at = version;
   for (auto of = versions.rbegin(); of != versions.rend() && runs.size() < kMostRuns; ++of) {
     if (!at || of->version != *at) continue;
@@ -225,8 +225,7 @@ StatusOr<std::vector<OlderRun>> LoadOlderRuns(const std::string& area,
           without_runs.contains(run.identity())) {
         continue;
       }
-      runs.push_back(
-          {run.name, run.sha256, run.uuid, run.vehicle, run.begin, run.end, run.trajectory});
+      runs.push_back(run);
     }
   }
   return runs;
@@ -377,21 +376,10 @@ Provenance MakeProvenance(const AreaBuildOptions& options,
   provenance.configuration = configuration.dump(-1, ' ', false, Json::error_handler_t::replace);
   provenance.seed = static_cast<std::int64_t>(options.seed);
   for (const MappedRun& run : result.runs) {
-    provenance.runs.push_back({run.name,
-                               run.sha256,
-                               run.vehicle,
-                               run.begin,
-                               run.end,
-                               Thinned(run.trajectory),
-                               run.evidence,
-                               run.uuid,
-                               run.visibility});
+    RunRecord& record = provenance.runs.emplace_back(run);
+    record.trajectory = Thinned(run.trajectory);
   }
-  for (const OlderEvidence& of_run : result.older) {
-    const OlderRun& run = of_run.run;
-    provenance.older.push_back(
-        {run.name, run.sha256, run.vehicle, run.begin, run.end, {}, of_run.evidence, run.uuid});
-  }
+  provenance.older = result.older;
   return provenance;
 }
 

@@ -34,7 +34,7 @@ struct Passes {
   Stamp end;
 };
 
-Passes PassesOf(const OlderRun& run,
+Passes PassesOf(const RunRecord& run,
                 const Eigen::Vector2d& p_map_landmark,
                 Duration pass_gap,
                 const SensorCalibration& sensor) {
@@ -53,15 +53,15 @@ Passes PassesOf(const OlderRun& run,
 
 }  // namespace
 
-std::vector<OlderEvidence> FindUnseenModes(const std::vector<OlderRun>& runs,
-                                           const std::vector<NewMode>& modes,
-                                           const std::vector<EvidenceRow>& ledger,
-                                           double pass_gap_s,
-                                           const SensorCalibration& sensor,
-                                           const MissedDetectionOptions& options) {
-  std::vector<OlderEvidence> result;
+std::vector<RunRecord> FindUnseenModes(const std::vector<RunRecord>& runs,
+                                       const std::vector<NewMode>& modes,
+                                       const std::vector<EvidenceRow>& ledger,
+                                       double pass_gap_s,
+                                       const SensorCalibration& sensor,
+                                       const MissedDetectionOptions& options) {
+  std::vector<RunRecord> result;
   const std::set<VisitKey> visits = VisitsOf(ledger);
-  for (const OlderRun& run : runs) {
+  for (const RunRecord& run : runs) {
     std::map<Signature, VisitEvidence> by_landmark;
     for (const NewMode& mode : modes) {
       const Passes passes = PassesOf(run, mode.p_map_landmark, FromSeconds(pass_gap_s), sensor);
@@ -76,13 +76,13 @@ std::vector<OlderEvidence> FindUnseenModes(const std::vector<OlderRun>& runs,
       visit->second.modes.push_back({mode.number, std::max(missed, -kMaxVisitLogRatio)});
     }
     if (by_landmark.empty()) continue;
-    result.push_back({run, {}});
-    result.back().run.trajectory.clear();
+    RunRecord& older = result.emplace_back(run);
+    older.trajectory.clear();
     for (auto& [signature, visit] : by_landmark) {
       // Two rows of a run about a landmark and the same time would be one.
       const bool taken = visits.contains({run.sha256, signature, visit.begin, visit.end});
       if (taken && visit.begin > run.begin) visit.begin -= Duration(1);
-      result.back().evidence.push_back(std::move(visit));
+      older.evidence.push_back(std::move(visit));
     }
   }
   return result;

@@ -14,8 +14,8 @@ namespace {
 Stamp At(double seconds) { return StampFromSeconds(1.7e9 + seconds); }
 
 // A run along the x axis, a metre a second, looking ahead.
-OlderRun RunAlongX(double begin_s, double seconds) {
-  OlderRun run{"run", "hash", "", "truck", At(begin_s), At(begin_s + seconds), {}};
+RunRecord RunAlongX(double begin_s, double seconds) {
+  RunRecord run{"run", "hash", "truck", At(begin_s), At(begin_s + seconds), {}};
   for (double t = 0.0; t <= seconds; t += 0.5) {
     run.trajectory.push_back({At(begin_s + t), Se2(t, 0.0, 0.0)});
   }
@@ -36,11 +36,11 @@ NewMode ModeAt(double x, double y, int number = 2) {
 }
 
 TEST(FindUnseenModes, APassOverANewPlaceSpeaksAgainstIt) {
-  const std::vector<OlderEvidence> older =
+  const std::vector<RunRecord> older =
       FindUnseenModes({RunAlongX(0.0, 20.0)}, {ModeAt(12.0, 1.0)}, {}, 10.0, Sensor(), {});
   ASSERT_EQ(older.size(), 1u);
-  EXPECT_EQ(older[0].run.sha256, "hash");
-  EXPECT_TRUE(older[0].run.trajectory.empty());
+  EXPECT_EQ(older[0].sha256, "hash");
+  EXPECT_TRUE(older[0].trajectory.empty());
   ASSERT_EQ(older[0].evidence.size(), 1u);
   const VisitEvidence& visit = older[0].evidence[0];
   EXPECT_EQ(visit.observations, 0);
@@ -87,7 +87,7 @@ TEST(FindUnseenModes, ManyPassesSayNoMoreThanTheLedgerTakes) {
 }
 
 TEST(FindUnseenModes, ModesOfALandmarkShareAVisit) {
-  const std::vector<OlderEvidence> older =
+  const std::vector<RunRecord> older =
       FindUnseenModes({RunAlongX(0.0, 20.0)},
                       {ModeAt(12.0, 1.0, 2), ModeAt(15.0, -1.0, 3)},
                       {},
