@@ -328,7 +328,7 @@ KnownMapFilter::Point KnownMapFilter::LinearizedAt(const Eigen::Vector3d& xi,
 // to rest, the linearization at the present pose has to do.
 KnownMapFilter::Prediction KnownMapFilter::PredictObservation(const Measurement& measurement,
                                                               const Point& point) const {
-  constexpr double kMaxNis = 50.0;
+  constexpr double kMaxNis = 50.0;   // What is farther out is not looked at again.
   constexpr double kMaxTurn = 1.0;   // [rad]
   constexpr double kMaxStep = 0.01;  // The last one, in standard deviations of the pose.
   constexpr int kIterations = 6;

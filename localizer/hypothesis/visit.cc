@@ -4,11 +4,10 @@
 #include <algorithm>
 
 #include "localizer/hypothesis/log_math.h"
+#include "mapstore/map/shift_report_check.h"
 
 namespace shiftmap {
 namespace {
-
-constexpr double kMinLogLikelihood = -50.0;
 
 // Observations in a row that overturn a decision.
 constexpr int kMaxContradictions = 5;
@@ -58,7 +57,7 @@ VisitEvidence EvidenceOf(const Visit& visit,
   evidence.modes.reserve(log_posterior.size());
   for (Eigen::Index i = 0; i < log_likelihood.size(); ++i) {
     evidence.modes.push_back({group.NumberOf(static_cast<int>(i)),
-                              std::max(log_likelihood[i] - largest, kMinLogLikelihood)});
+                              std::max(log_likelihood[i] - largest, -kMaxVisitLogRatio)});
   }
   return evidence;
 }

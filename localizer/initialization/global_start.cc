@@ -16,10 +16,10 @@
 namespace shiftmap {
 namespace {
 
-constexpr int kMaxClusters = 40;
-constexpr std::size_t kMaxRefined = 40;
-constexpr int kRefinements = 3;
-constexpr double kSigmas = 3.0;
+constexpr int kMaxClusters = 40;            // Time grows with the square.
+constexpr std::size_t kMaxRefined = 40;     // Poses, the best of them.
+constexpr int kRefinements = 3;             // Of a pose and its matches, in turn.
+constexpr double kSigmas = 3.0;             // Up to which a cluster matches a mode.
 constexpr double kMaxResidual = 1.0;        // [m]
 constexpr double kMinBaseline = 0.8;        // [m]
 constexpr double kNoneAgrees = 0.02;        // Probability that no two landmarks stand at modes.
@@ -194,7 +194,7 @@ class Search {
       if (!match.mode) continue;
       candidate->matches.push_back(match);
       const LandmarkGroup& group = GroupOf(*match.cluster);
-      constexpr double kMinProbability = 1e-6;
+      constexpr double kMinProbability = 1e-6;  // Of a mode that the map rules out.
       const double probability = ProbabilitiesOf(*match.cluster)[group.StateOf(match.mode->number)];
       candidate->log_probability += std::log(std::max(probability, kMinProbability));
     }

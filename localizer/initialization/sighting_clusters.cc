@@ -9,7 +9,7 @@
 namespace shiftmap {
 namespace {
 
-constexpr double kClusterSigmas = 3.0;
+constexpr double kClusterSigmas = 3.0;  // Up to which two sightings are of one place.
 
 Odometer Interpolate(const Odometer& a, const Odometer& b, double share_b) {
   Odometer mean;

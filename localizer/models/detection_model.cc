@@ -12,7 +12,7 @@ namespace {
 
 // P(X < limit) for X ~ N(mean, variance).
 double ProbabilityBelow(double limit, double mean, double variance) {
-  constexpr double kMinVariance = 1e-12;
+  constexpr double kMinVariance = 1e-12;  // Of less, the limit is a step.
   const double sd = std::sqrt(variance > kMinVariance ? variance : kMinVariance);
   const double x = (mean - limit) / (sd * std::numbers::sqrt2);
   return x < -6.0 ? 1.0 : 0.5 * std::erfc(x);  // To the last bit.

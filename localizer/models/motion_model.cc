@@ -9,7 +9,7 @@
 namespace shiftmap {
 namespace {
 
-constexpr double kStandstillVarianceShare = 0.01;
+constexpr double kStandstillVarianceShare = 0.01;  // Wheels that stand hardly slip.
 
 // Part of the variance of moving that a stretch has.
 double VarianceShare(double v_mps, double omega_radps) {

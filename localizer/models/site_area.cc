@@ -7,7 +7,7 @@
 namespace shiftmap {
 namespace {
 
-constexpr double kOnSite = 0.5;
+constexpr double kOnSite = 0.5;  // Probability that a landmark that moved is still on the site.
 
 }  // namespace
 

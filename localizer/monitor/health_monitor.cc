@@ -20,7 +20,7 @@ constexpr int kMinFailing = 3;
 constexpr int kMinPairs = 4;
 constexpr double kMinPairShare = 0.6;
 
-constexpr int kMinAgreeing = 3;
+constexpr int kMinAgreeing = 3;  // Landmarks: two agree by accident.
 
 // Share of the landmarks in view that may have moved.
 constexpr double kMovedShare = 1.0 / 3.0;

@@ -7,7 +7,7 @@
 namespace shiftmap {
 namespace {
 
-constexpr int kMinPasses = 3;
+constexpr int kMinPasses = 3;  // One or two may be occlusions.
 
 // A pass is missed when one would have failed to see what stands there with e⁻⁷, and a direction is
 // when with e⁻³. [nat]
