@@ -15,6 +15,7 @@
 #include "mapper/parallel.h"
 #include "mapper/selection/selector.h"
 #include "mapper/selection/visit_sequence.h"
+#include "mapper/selection/viterbi.h"
 #include "mapper/state/sightings.h"
 #include "mapstore/map/mode_chain.h"
 #include "mapstore/map/vehicle_records.h"
@@ -91,8 +92,14 @@ int Alternate(const MapperOptions& options,
       memory = MergeMemory(*build);
       continue;
     }
-    const std::vector<int> state = DiscreteState(*build);
-    if (state == solved) return iteration;
+    std::vector<int> state = DiscreteState(*build);
+    if (state == solved) {
+      const bool splits = build->placed() && options.modes.selector.kind == SelectorKind::kViterbi;
+      if (!splits || SplitModes(options.modes, build, options.threads) == 0) return iteration;
+      Select(options, build);
+      DropUnusedModes(build);
+      state = DiscreteState(*build);
+    }
     // A state that comes again closes a cycle.
     const bool recurs = !seen.insert(state).second;
     const Graph graph = SolveContinuous(options, build, solver);
@@ -187,16 +194,20 @@ Eigen::VectorXd ScoreBySighting(const BuildState& build,
   return result;
 }
 
+VisitDensity DensityOf(const BuildState& build, const VisitRef& ref, const ModeOptions& options) {
+  return {SeenPlaces(build, build.runs[ref.run], VisitOf(build, ref)),
+          build.sensor,
+          options.misread_density_per_m2,
+          options.cluster_radius_m};
+}
+
 // The sightings of a visit share the error of pose and map.
 Eigen::VectorXd ScoreJointly(const BuildState& build,
                              const VisitRef& ref,
                              const ModeOptions& options) {
   const MappingVisit& visit = VisitOf(build, ref);
   const GroupModes& modes = build.modes[visit.group];
-  const VisitDensity density(SeenPlaces(build, build.runs[ref.run], visit),
-                             build.sensor,
-                             options.misread_density_per_m2,
-                             options.cluster_radius_m);
+  const VisitDensity density = DensityOf(build, ref, options);
   Eigen::VectorXd result(std::ssize(modes) + 1);
   result[0] = density.LogAbsent();
   for (const GroupModeIndex k : modes.indices()) {
@@ -205,6 +216,72 @@ Eigen::VectorXd ScoreJointly(const BuildState& build,
     result[StateOf(k)] = density.LogUnderMode(modes[k].p_map_landmark, cov);
   }
   return result;
+}
+
+// Two places of a landmark for one mode of it.
+struct Split {
+  GroupModeIndex mode;
+  Eigen::Vector2d p_mode;  // Where the visits that are nearer to the mode put it. [m]
+  Eigen::Vector2d p_new;   // [m]
+  VisitRef visit;          // That put it there.
+};
+
+// At the place of the visit that its mode explains worst, beside one at its own place. Nothing
+// where places of their own would not gain all visits together what a new place costs.
+std::optional<Split> WorstExplained(const ModeOptions& options,
+                                    const BuildState& build,
+                                    const std::vector<VisitRef>& visits,
+                                    GroupIndex group) {
+  struct Seen {
+    VisitRef visit;
+    GroupModeIndex mode;
+    Eigen::Vector2d centre;
+    double gain;
+  };
+  // What one at its own place, known to `score_position_sd_m`, gains on one at a new place.
+  const double least_gain =
+      -std::log(2.0 * M_PI * PoseError(options)(0, 0) * build.sensor.new_landmark_density_per_m2);
+  std::vector<Seen> seen;
+  for (const VisitRef& ref : visits) {
+    const OptionalMode mode = AssignmentOf(build, ref);
+    if (!mode) continue;
+    const VisitCluster cluster = DensestCluster(
+        VisitPositions(build.runs[ref.run], VisitOf(build, ref)), options.cluster_radius_m);
+    if (cluster.count < options.min_sightings) continue;
+    const VisitDensity density = DensityOf(build, ref, options);
+    const Eigen::Vector2d& p = build.modes[group][*mode].p_map_landmark;
+    seen.push_back({ref,
+                    *mode,
+                    cluster.centre,
+                    density.LogUnderMode(cluster.centre, PoseError(options)) -
+                        density.LogUnderMode(p, PoseError(options))});
+  }
+  double gains = 0.0;
+  for (const Seen& visit : seen) gains += std::max(0.0, visit.gain);
+  if (gains <= least_gain) return std::nullopt;
+  const Seen& worst = *std::max_element(
+      seen.begin(), seen.end(), [](const Seen& a, const Seen& b) { return a.gain < b.gain; });
+  const BuildMode& mode = build.modes[group][worst.mode];
+  Split split{worst.mode, mode.p_map_landmark, worst.centre, worst.visit};
+  if (mode.number != kAbsent) return split;
+  Eigen::Vector2d sum = Eigen::Vector2d::Zero();
+  int nearer = 0;
+  for (const Seen& other : seen) {
+    const double to_mode = (other.centre - mode.p_map_landmark).norm();
+    if (other.mode != worst.mode || (other.centre - worst.centre).norm() < to_mode) continue;
+    sum += other.centre;
+    ++nearer;
+  }
+  if (nearer > 0) split.p_mode = sum / nearer;
+  return split;
+}
+
+double BestLogJoint(const ModeOptions& options,
+                    const BuildState& build,
+                    const std::vector<VisitRef>& visits,
+                    GroupIndex group) {
+  const ModeSequenceProblem sequence = MakeGroupSequence(build, visits, group, options);
+  return LogJoint(sequence, MostLikelyModes(sequence));
 }
 
 }  // namespace
@@ -287,6 +364,37 @@ int CreateModes(const ModeOptions& options, BuildState* build) {
       AssignmentOf(build, ref) = mode;
     }
   }
+  return created;
+}
+
+int SplitModes(const ModeOptions& options, BuildState* build, int threads) {
+  int created = 0;
+  const auto by_group = VisitsByGroup(*build);
+  IndexedVector<GroupIndex, std::optional<Split>> splits(by_group.size());
+  ForEachIndex(by_group.size(), threads, [&](std::size_t i) {
+    const GroupIndex group(i);
+    splits[group] = WorstExplained(options, *build, by_group[group], group);
+  });
+  for (const GroupIndex group : by_group.indices()) {
+    const std::optional<Split>& split = splits[group];
+    if (!split) continue;
+    const std::vector<VisitRef>& visits = by_group[group];
+    const double before = BestLogJoint(options, *build, visits, group);
+    const int state = StateOf(AddMode(group, {split->p_new, kAbsent, false}, build));
+    Eigen::Vector2d& p_mode = build->modes[group][split->mode].p_map_landmark;
+    const Eigen::Vector2d p_before = std::exchange(p_mode, split->p_mode);
+    const Eigen::VectorXd of_visit = VisitLogLikelihood(*build, split->visit, options);
+    // The visit that the place is taken from found something new.
+    const double after =
+        BestLogJoint(options, *build, visits, group) - of_visit[state] + of_visit[0];
+    if (after > before) {
+      AssignmentOf(build, split->visit) = ModeOfState(state);
+      ++created;
+    } else {
+      p_mode = p_before;
+    }
+  }
+  DropUnusedModes(build);
   return created;
 }
 

@@ -42,6 +42,13 @@ int SelectModes(const ModeOptions& options, BuildState* build, int threads = 1);
 /// Returns how many modes were made.
 int CreateModes(const ModeOptions& options, BuildState* build);
 
+/// Makes a mode at the place of a visit that is far from its own, where the most likely sequence of
+/// the group gains by it more than the visit costs as one of a new place. One mode between two
+/// places explains visits at both so well that none of them is absent. Returns how many modes were
+/// made.
+/// @param threads  As of SelectModes().
+int SplitModes(const ModeOptions& options, BuildState* build, int threads = 1);
+
 /// Solves the whole build: selection, mode creation, merging and the continuous part in turn,
 /// until nothing changes or a state recurs. Returns the number of alternations. The max-mixture
 /// selects at every linearization of the continuous part instead of once it is solved.

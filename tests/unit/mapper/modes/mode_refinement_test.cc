@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <set>
 
 #include "mapper/run_maps/single_run.h"
@@ -74,6 +75,62 @@ TEST(ModeRefinement, ALandmarkThatMovesInsideARunGetsTwoModes) {
         (build.modes[0][0].p_map_landmark - build.modes[0][1].p_map_landmark).norm();
     EXPECT_NEAR(moved, (world.groups[0].modes[0] - world.groups[1].modes[0]).norm(), 0.3) << seed;
   }
+}
+
+// Landmarks 0 to 2 are doors: every 200 s each goes to its other place and back, 0.8 m away.
+constexpr double kDoorM = 0.8;
+constexpr int kDoors = 3;
+
+SimulatedWorld WorldWithDoors(std::uint64_t seed) {
+  OpenWorldOptions options = testing::SmallWorld(seed);
+  options.groups = 16;
+  options.modes_per_group = 1;
+  options.size_m = 24.0;
+  options.runs = 1;
+  options.duration_s = 900.0;
+  SimulatedWorld world = testing::Simulate(options);
+  SimulatedRun& simulated = world.runs[0];
+  auto at = simulated.truth.begin();
+  for (Scan& scan : simulated.run.scans) {
+    while (at->stamp < scan.stamp) ++at;
+    const double elapsed_s = ToSeconds(scan.stamp - simulated.truth.front().stamp);
+    for (Observation& seen : scan.observations) {
+      for (int door = 0; door < kDoors; ++door) {
+        const SimulatedGroup& group = world.groups[static_cast<std::size_t>(door)];
+        const bool open = static_cast<int>(elapsed_s / 200.0 + 0.3 * door) % 2 == 1;
+        if (seen.signature != group.signature || !open) continue;
+        const Se2 T_vehicle_map = at->T_map_vehicle.Inverse();
+        const Eigen::Vector2d closed_at = T_vehicle_map * group.modes[0];
+        const Eigen::Vector2d open_at =
+            T_vehicle_map * Eigen::Vector2d(group.modes[0] + Eigen::Vector2d(kDoorM, 0.0));
+        seen.z.x() += open_at.norm() - closed_at.norm();
+        seen.z.y() +=
+            std::atan2(open_at.y(), open_at.x()) - std::atan2(closed_at.y(), closed_at.x());
+      }
+    }
+  }
+  return world;
+}
+
+// One mode in the middle explains visits at both places so well that none of them is absent.
+TEST(ModeRefinement, ADoorWhosePlacesAreNearHasTwoModes) {
+  int right = 0;
+  for (std::uint64_t seed = 1; seed <= 5; ++seed) {
+    const StatusOr<MapperResult> result =
+        BuildMap(testing::Inputs(WorldWithDoors(seed)), std::nullopt, MapperOptions());
+    ASSERT_TRUE(result.ok()) << Message(result.status());
+    const std::vector<LandmarkGroup>& groups = result->content.groups;
+    for (std::size_t g = 0; g < groups.size(); ++g) {
+      const std::vector<Mode>& modes = groups[g].modes;
+      if (g >= kDoors) {
+        EXPECT_EQ(modes.size(), 1u) << "seed " << seed << ", " << g;
+      } else if (modes.size() == 2) {
+        const double apart = (modes[1].p_map_landmark - modes[0].p_map_landmark).norm();
+        right += std::abs(apart - kDoorM) < 0.1;
+      }
+    }
+  }
+  EXPECT_GE(right, 10);  // Of 15; some are passed too seldom to tell.
 }
 
 // Visits that no mode explains, though what they make is taken for the mode that is there.
