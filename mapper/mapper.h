@@ -13,8 +13,7 @@
 #include "mapper/mapper_input.h"
 #include "mapper/mapper_options.h"
 #include "mapper/modes/selection_summary.h"
-#include "mapper/state/rejected_run.h"
-#include "mapper/state/run_name.h"
+#include "mapper/state/undecided_runs.h"
 #include "mapstore/map/map_snapshot.h"
 #include "proto/core/status.h"
 

@@ -2,6 +2,7 @@
 #include "mapper/mapper_options.h"
 
 #include <cmath>
+#include <vector>
 
 #include "mapstore/map/map_snapshot.h"
 
@@ -13,9 +14,13 @@ constexpr double kMaxDurationS = 1e9;  // Decades; stamps hold 292 years.
 enum class Range { kPositive, kNotNegative, kProbability, kOneOrMore, kDuration };
 
 struct Member {
-  const char* name = nullptr;
-  double value = 0.0;
-  Range range = Range::kPositive;
+  template <typename Number>
+  Member(const char* of, Number number, Range in)
+      : name(of), value(static_cast<double>(number)), range(in) {}
+
+  const char* name;
+  double value;
+  Range range;
 };
 
 bool IsIn(Range range, double value) {
@@ -54,24 +59,22 @@ const char* ToString(Range range) {
 }  // namespace
 
 Status MapperOptions::Validate() const {
-  const Member members[] = {
+  std::vector<Member> members = {
       {"visit_gap_s", front_end.visit_gap_s, Range::kDuration},
       {"duplicate_distance_m", front_end.duplicate_distance_m, Range::kNotNegative},
       {"min_range_m", front_end.min_range_m, Range::kNotNegative},
       {"min_way_m", front_end.moving.min_way_m, Range::kPositive},
       {"max_time_s", front_end.moving.max_time_s, Range::kDuration},
       {"moved_share", front_end.moving.moved_share, Range::kPositive},
-      {"min_moves", static_cast<double>(front_end.moving.min_moves), Range::kOneOrMore},
-      {"min_moves_per_standing",
-       static_cast<double>(front_end.moving.min_moves_per_standing),
-       Range::kNotNegative},
+      {"min_moves", front_end.moving.min_moves, Range::kOneOrMore},
+      {"min_moves_per_standing", front_end.moving.min_moves_per_standing, Range::kNotNegative},
       {"alignment position_floor_m", alignment.position_floor_m, Range::kPositive},
       {"max_scale_error", alignment.max_scale_error, Range::kNotNegative},
       {"gate_probability", alignment.gate_probability, Range::kProbability},
       {"max_sd_rotation_rad", alignment.max_sd_rotation_rad, Range::kPositive},
       {"deformed_sd_m", alignment.deformed_sd_m, Range::kPositive},
-      {"part_modes", static_cast<double>(alignment.part_modes), Range::kOneOrMore},
-      {"max_pairs", static_cast<double>(alignment.max_pairs), Range::kOneOrMore},
+      {"part_modes", alignment.part_modes, Range::kOneOrMore},
+      {"max_pairs", alignment.max_pairs, Range::kOneOrMore},
       {"confirmation min_share", confirmation.min_share, Range::kNotNegative},
       {"confirmation min_probability", confirmation.min_probability, Range::kProbability},
       {"min_probability_of_most", confirmation.min_probability_of_most, Range::kProbability},
@@ -111,14 +114,14 @@ Status MapperOptions::Validate() const {
       {"max_noise_v", plausibility.max_noise_v, Range::kPositive},
       {"max_sd_bearing_rad", plausibility.max_sd_bearing_rad, Range::kPositive},
       {"reversed_log_odds", plausibility.reversed_log_odds, Range::kPositive},
-      {"min_visits", static_cast<double>(relocation.min_visits), Range::kOneOrMore},
+      {"min_visits", relocation.min_visits, Range::kOneOrMore},
       {"part_visits", relocation.part_visits, Range::kOneOrMore},
       {"same_place_m", relocation.same_place_m, Range::kPositive},
       {"prior_dof", disagreement.prior_dof, Range::kPositive},
       {"outlier_probability", disagreement.outlier_probability, Range::kProbability},
       {"expected_mean_square", disagreement.expected_mean_square, Range::kPositive},
-      {"min_modes", static_cast<double>(disagreement.min_modes), Range::kOneOrMore},
-      {"min_sightings", static_cast<double>(modes.min_sightings), Range::kOneOrMore},
+      {"min_modes", disagreement.min_modes, Range::kOneOrMore},
+      {"min_sightings", modes.min_sightings, Range::kOneOrMore},
       {"cluster_radius_m", modes.cluster_radius_m, Range::kPositive},
       {"position_floor_m", modes.position_floor_m, Range::kPositive},
       {"merge_probability", modes.merge_probability, Range::kProbability},
@@ -133,14 +136,20 @@ Status MapperOptions::Validate() const {
       {"sd_bearing_offset_rad", sd_bearing_offset_rad, Range::kPositive},
       {"sd_range_curvature_per_rad2", sd_range_curvature_per_rad2, Range::kPositive},
       {"loss_reach_sds", loss_reach_sds, Range::kPositive},
-      {"max_outer_iterations", static_cast<double>(max_outer_iterations), Range::kOneOrMore},
-      {"max_iterations", static_cast<double>(solver.max_iterations), Range::kOneOrMore},
+      {"max_outer_iterations", max_outer_iterations, Range::kOneOrMore},
+      {"max_iterations", solver.max_iterations, Range::kOneOrMore},
       {"cost_tolerance", solver.cost_tolerance, Range::kPositive},
-      {"max_integrations", static_cast<double>(max_integrations), Range::kOneOrMore},
-      {"threads", static_cast<double>(threads), Range::kOneOrMore},
+      {"max_integrations", max_integrations, Range::kOneOrMore},
+      {"threads", threads, Range::kOneOrMore},
       {"clock_tolerance_s", clock_tolerance_s, Range::kNotNegative},
-      {"max_memory_bytes", static_cast<double>(max_memory_bytes), Range::kNotNegative},
+      {"max_memory_bytes", max_memory_bytes, Range::kNotNegative},
   };
+  for (const double sd : displacement.sd_displacement_m) {
+    members.push_back({"sd_displacement_m", sd, Range::kPositive});
+  }
+  for (const double factor : displacement.run_variance_factors) {
+    members.push_back({"run_variance_factors", factor, Range::kPositive});
+  }
   for (const Member& member : members) {
     if (IsIn(member.range, member.value)) continue;
     return InvalidArgument(
@@ -148,16 +157,6 @@ Status MapperOptions::Validate() const {
   }
   if (alignment.min_signatures < 2) {
     return InvalidArgument("min_signatures: {}, expected 2 or more", alignment.min_signatures);
-  }
-  for (const double sd : displacement.sd_displacement_m) {
-    if (!IsIn(Range::kPositive, sd)) {
-      return InvalidArgument("sd_displacement_m: {}, expected > 0", sd);
-    }
-  }
-  for (const double factor : displacement.run_variance_factors) {
-    if (!IsIn(Range::kPositive, factor)) {
-      return InvalidArgument("run_variance_factors: {}, expected > 0", factor);
-    }
   }
   SHIFTMAP_RETURN_IF_ERROR(ValidateCalibration(calibration));
   SHIFTMAP_RETURN_IF_ERROR(modes.selector.Validate());

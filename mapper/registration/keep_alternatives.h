@@ -7,7 +7,7 @@
 #include "mapper/registration/mode_match.h"
 #include "mapper/run_maps/run_map.h"
 #include "mapper/state/build_state.h"
-#include "mapper/state/kept_alternatives.h"
+#include "mapper/state/undecided_runs.h"
 
 namespace shiftmap {
 

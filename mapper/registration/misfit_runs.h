@@ -6,7 +6,7 @@
 
 #include "mapper/mapper_options.h"
 #include "mapper/state/build_state.h"
-#include "mapper/state/joined_fit.h"
+#include "mapper/state/undecided_runs.h"
 
 namespace shiftmap {
 

@@ -7,7 +7,7 @@
 #include "mapper/mapper_options.h"
 #include "mapper/run_maps/run_map.h"
 #include "mapper/state/build_state.h"
-#include "mapper/state/rejected_run.h"
+#include "mapper/state/undecided_runs.h"
 #include "mapstore/map/map_snapshot.h"
 
 namespace shiftmap {
