@@ -14,7 +14,9 @@
 #include "mapper/frontend/frame_motions.h"
 #include "mapper/frontend/pair_calibration.h"
 #include "mapper/frontend/run_parts.h"
+#include "mapper/graph/graph.h"
 #include "mapper/graph/sensor_bias.h"
+#include "mapper/modes/mode_merging.h"
 #include "mapper/modes/mode_refinement.h"
 #include "mapper/registration/place_run_maps.h"
 #include "mapper/run_maps/broken_motion.h"
@@ -78,16 +80,66 @@ void CalibrateOpen(const MapperOptions& options,
 
 // Maps a calibrated run from its poses on.
 // @param build  Whose groups and sensor it has.
-BuildState MapFromPoses(const MapperOptions& options,
-                        const BuildState& build,
-                        const StepCallback& on_step,
-                        BuildRun run) {
+BuildState MapOnce(const MapperOptions& options,
+                   const BuildState& build,
+                   const StepCallback& on_step,
+                   BuildRun run) {
   BuildState mapped = StartBuild(build.modes.size(), build.sensor);
   mapped.runs.push_back(std::move(run));
   PlaceModes(options.modes.cluster_radius_m, &mapped);
   GraphSolver solver;
   AlternateModes(options, &mapped, &solver, on_step);  // All runs are solved again together.
   return mapped;
+}
+
+int ModesBesideFirst(const BuildState& build) {
+  int count = 0;
+  for (const GroupModes& group : build.modes) {
+    count += std::max(0, static_cast<int>(group.size()) - 1);
+  }
+  return count;
+}
+
+// A break is as improbable as that the landmarks moved that it needs.
+double CostOf(const BuildState& build) {
+  const auto breaks = static_cast<double>(BrokenMotions(build.runs.front().motions).size());
+  return build.cost + kModeCost * (ModesBesideFirst(build) + kLeastMoved * breaks);
+}
+
+// Poses of a run from which every landmark stands at one place, whatever that bends.
+IndexedVector<FrameIndex, Se2> PulledTogether(const MapperOptions& options,
+                                              const BuildState& build,
+                                              BuildRun run) {
+  // The loss is square for metres first, so that what is far off pulls. [standard deviations]
+  constexpr double kLossScales[] = {100.0, 15.0};
+  BuildState whole = StartBuild(build.modes.size(), build.sensor);
+  whole.runs.push_back(std::move(run));
+  PlaceModes(options.modes.cluster_radius_m, &whole);
+  BuildRun& pulled = whole.runs.front();
+  for (const VisitIndex v : pulled.assignment.indices()) {
+    if (!MakesMode(options.modes, pulled.data->visits[v])) pulled.assignment[v] = kUnassigned;
+  }
+  DropUnusedModes(&whole);
+  Graph graph = MakeGraph(options, &whole);
+  for (const double scale : kLossScales) {
+    graph.loss_scale = scale;
+    SolveGraph(options.solver, &graph);
+  }
+  return std::move(graph.runs.front().poses);
+}
+
+// The same as MapOnce(), and where landmarks seem to have moved, the cheaper of two maps: to poses
+// that start metres off what does not fit is an outlier or another mode, and pulls no more.
+BuildState MapFromPoses(const MapperOptions& options,
+                        const BuildState& build,
+                        const StepCallback& on_step,
+                        BuildRun run) {
+  BuildState mapped = MapOnce(options, build, on_step, run);
+  if (ModesBesideFirst(mapped) == 0 || (on_step && !on_step(mapped))) return mapped;
+  run.poses = mapped.runs.front().poses;
+  run.poses = PulledTogether(options, build, run);
+  BuildState pulled = MapOnce(options, build, on_step, std::move(run));
+  return CostOf(pulled) < CostOf(mapped) ? std::move(pulled) : std::move(mapped);
 }
 
 // The same with poses by EKF-SLAM.
@@ -107,24 +159,10 @@ BuildState MapByEkf(const MapperOptions& options,
 constexpr int kInconsistent = 4;
 constexpr double kInconsistentShare = 0.02;
 
-int ModesBesideFirst(const BuildState& build) {
-  int count = 0;
-  for (const GroupModes& group : build.modes) {
-    count += std::max(0, static_cast<int>(group.size()) - 1);
-  }
-  return count;
-}
-
 bool IsInconsistent(const BuildState& build) {
   const auto groups = static_cast<double>(std::count_if(
       build.modes.begin(), build.modes.end(), [](const auto& modes) { return !modes.empty(); }));
   return ModesBesideFirst(build) >= std::max<double>(kInconsistent, kInconsistentShare * groups);
-}
-
-// A break is as improbable as that the landmarks moved that it needs.
-double CostOf(const BuildState& build) {
-  const auto breaks = static_cast<double>(BrokenMotions(build.runs.front().motions).size());
-  return build.cost + kModeCost * (ModesBesideFirst(build) + kLeastMoved * breaks);
 }
 
 // Heading that odometry may lose in a part. [rad]

@@ -6,6 +6,7 @@
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 #include <set>
 
 #include "mapper/covariance/gauge.h"
@@ -39,31 +40,27 @@ SimulatedWorld StaticWorld(std::uint64_t seed) {
   return Simulate(options);
 }
 
-SimulatedWorld TwoHalls(std::uint64_t seed, int runs) {
-  constexpr double kWay = 200.0;
+namespace {
+
+// Runs that each drive along `way` for a time, from the origin on, and round again.
+void AddRuns(const std::vector<Eigen::Vector2d>& way,
+             int ticks,
+             int runs,
+             const OdometryCalibration& odometry,
+             Random* random,
+             SimulatedWorld* world) {
   constexpr double kTick = 0.1;
-  constexpr int kTicks = 4500;
   constexpr int kTicksPerScan = 2;
-  const OdometryCalibration odometry{.noise_v = 0.02, .noise_omega = 0.005};
   const SensorCalibration sensor{
       .sd_range_m = 0.1, .sd_bearing_rad = 0.02, .detection_probability = 0.8};
-  Random random = MakeRandom(seed, 0);
-  SimulatedWorld world;
-  for (int i = 0; i < 16; ++i) {
-    const double x = Uniform(0.0, 12.0, &random) + (i < 8 ? 0.0 : kWay);
-    world.groups.push_back(
-        {Signature(fmt::format("{:02}", i)), {{x, Uniform(-6.0, 8.0, &random)}}});
-  }
-  const std::vector<Eigen::Vector2d> way = {
-      {10.0, 2.0}, {kWay, 1.0}, {kWay + 11.0, 3.0}, {kWay + 9.0, -3.0}, {10.0, -1.0}, {0.0, 0.0}};
   for (int r = 0; r < runs; ++r) {
-    SimulatedRun& simulated = world.runs.emplace_back();
-    simulated.active_mode.assign(world.groups.size(), ModeNumber(1));
+    SimulatedRun& simulated = world->runs.emplace_back();
+    simulated.active_mode.assign(world->groups.size(), ModeNumber(1));
     simulated.run.info.vehicle = "v";
     const Stamp begin = StampFromSeconds(1.7676e9 + r * kSecondsPerDay);
     Se2 T_map_vehicle;
     std::size_t next = 0;
-    for (int tick = 0; tick < kTicks; ++tick) {
+    for (int tick = 0; tick < ticks; ++tick) {
       const Stamp stamp = begin + FromSeconds(tick * kTick);
       simulated.truth.push_back({stamp, T_map_vehicle});
       Eigen::Vector2d to = T_map_vehicle.Inverse() * way[next % way.size()];
@@ -74,11 +71,51 @@ SimulatedWorld TwoHalls(std::uint64_t seed, int runs) {
       simulated.run.odometry.push_back({stamp, logged.v_mps, logged.omega_radps});
       if (tick % kTicksPerScan == 0) {
         simulated.run.scans.push_back(SenseLandmarks(
-            world.groups, simulated.active_mode, simulated.truth.back(), sensor, 0.0, {}, &random));
+            world->groups, simulated.active_mode, simulated.truth.back(), sensor, 0.0, {}, random));
       }
-      T_map_vehicle = T_map_vehicle * TrueMotion(logged, kTick, odometry, &random);
+      T_map_vehicle = T_map_vehicle * TrueMotion(logged, kTick, odometry, random);
     }
   }
+}
+
+}  // namespace
+
+SimulatedWorld TwoHalls(std::uint64_t seed, int runs) {
+  constexpr double kWay = 200.0;
+  constexpr int kTicks = 4500;
+  Random random = MakeRandom(seed, 0);
+  SimulatedWorld world;
+  for (int i = 0; i < 16; ++i) {
+    const double x = Uniform(0.0, 12.0, &random) + (i < 8 ? 0.0 : kWay);
+    world.groups.push_back(
+        {Signature(fmt::format("{:02}", i)), {{x, Uniform(-6.0, 8.0, &random)}}});
+  }
+  const std::vector<Eigen::Vector2d> way = {
+      {10.0, 2.0}, {kWay, 1.0}, {kWay + 11.0, 3.0}, {kWay + 9.0, -3.0}, {10.0, -1.0}, {0.0, 0.0}};
+  AddRuns(way, kTicks, runs, {.noise_v = 0.02, .noise_omega = 0.005}, &random, &world);
+  return world;
+}
+
+SimulatedWorld LongLoop(std::uint64_t seed) {
+  constexpr double kSide = 100.0;
+  constexpr double kSpacing = 8.0;
+  constexpr int kTicks = 2900;
+  const std::vector<Se2> sides = {{0.0, 0.0, 0.0},
+                                  {kSide, 0.0, 0.5 * std::numbers::pi},
+                                  {kSide, kSide, std::numbers::pi},
+                                  {0.0, kSide, -0.5 * std::numbers::pi}};
+  Random random = MakeRandom(seed, 0);
+  SimulatedWorld world;
+  for (const Se2& T_map_side : sides) {
+    for (double s = 0.0; s < kSide; s += kSpacing) {
+      const Eigen::Vector2d p(s + Uniform(0.0, kSpacing, &random), Uniform(-4.0, 4.0, &random));
+      world.groups.push_back(
+          {Signature(fmt::format("{:02}", world.groups.size())), {T_map_side * p}});
+    }
+  }
+  const std::vector<Eigen::Vector2d> way = {
+      {kSide, 0.0}, {kSide, kSide}, {0.0, kSide}, {0.0, 0.0}, {kSide, 1.0}};
+  AddRuns(way, kTicks, 1, {.noise_v = 0.01, .noise_omega = 0.01}, &random, &world);
   return world;
 }
 

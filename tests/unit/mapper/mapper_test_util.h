@@ -23,6 +23,10 @@ SimulatedWorld StaticWorld(std::uint64_t seed);
 /// by odometry that loses some metres on the way.
 SimulatedWorld TwoHalls(std::uint64_t seed, int runs);
 
+/// A run once around a square of 400 m, along which a landmark stands every 8 m, to where the first
+/// few are seen again.
+SimulatedWorld LongLoop(std::uint64_t seed);
+
 /// Modes of all groups.
 std::size_t CountModes(const BuildState& build);
 

@@ -77,6 +77,18 @@ TEST(MapSingleRun, AVehicleThatComesBackLostMakesNoSecondMap) {
   EXPECT_GE(lost, 2);
 }
 
+// A vehicle that comes back metres beside where odometry has it was not carried, and nothing moved.
+TEST(MapSingleRun, AVehicleThatComesBackFromAfarWasNotCarried) {
+  for (std::uint64_t seed = 1; seed <= 24; ++seed) {
+    const SimulatedWorld world =
+        seed % 2 == 0 ? testing::TwoHalls(seed, 1) : testing::LongLoop(seed);
+    const MappingRun run = testing::Arrange(world, world.runs[0].run);
+    const BuildState build = MapSingleRun(run, world.groups.size(), {});
+    EXPECT_TRUE(BrokenMotions(build.runs[0].motions).empty()) << seed;
+    for (const GroupModes& modes : build.modes) EXPECT_LE(modes.size(), 1u) << seed;
+  }
+}
+
 // Hours over many landmarks, of which the way back to the first ones is long: mapped in parts.
 TEST(MapSingleRun, AShiftOverManyLandmarksIsOneMap) {
   for (std::uint64_t seed = 1; seed <= 3; ++seed) {
