@@ -78,7 +78,7 @@ Localizer::Localizer(MapSnapshot snapshot, const LocalizerOptions& options)
       limits_(options.limits.For(snapshot_.calibration().sensor)),
       odometry_(snapshot_.calibration().odometry),
       next_start_(options.initial_pose),
-      health_(snapshot_.groups().size()),
+      health_(snapshot_.groups().size(), options.health),
       changes_(snapshot_.groups().size(), options.min_sightings),
       missed_(snapshot_),
       sightings_(options.max_places) {

@@ -33,6 +33,12 @@ Status LocalizerOptions::Validate() const {
   SHIFTMAP_RETURN_IF_ERROR(CheckAtLeast("min_signatures", global_start.min_signatures, 3));
   SHIFTMAP_RETURN_IF_ERROR(CheckRange("min_probability", global_start.min_probability, 0.5, 1.0));
   SHIFTMAP_RETURN_IF_ERROR(CheckRange("window_s", global_start.window_s, 0.0, kSecondsPerDay));
+  SHIFTMAP_RETURN_IF_ERROR(CheckRange("lost_s", health.lost_s, 0.0, kSecondsPerDay));
+  SHIFTMAP_RETURN_IF_ERROR(CheckAtLeast("min_observations", health.min_observations, 1));
+  SHIFTMAP_RETURN_IF_ERROR(CheckRange("lost_share", health.lost_share, 0.0, 1.0));
+  SHIFTMAP_RETURN_IF_ERROR(CheckRange("found_share", health.found_share, health.lost_share, 1.0));
+  SHIFTMAP_RETURN_IF_ERROR(CheckAtLeast("min_pairs", health.min_pairs, 1));
+  SHIFTMAP_RETURN_IF_ERROR(CheckRange("min_pair_share", health.min_pair_share, 0.0, 1.0));
   SHIFTMAP_RETURN_IF_ERROR(CheckRange("state_hold_s", state_hold_s, 0.0, kSecondsPerDay));
   SHIFTMAP_RETURN_IF_ERROR(CheckAtLeast("min_sightings", min_sightings, 1));
   SHIFTMAP_RETURN_IF_ERROR(CheckAtLeast("max_places", max_places, 1));

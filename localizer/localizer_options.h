@@ -5,6 +5,7 @@
 
 #include "localizer/hypothesis/hypothesis_bank.h"
 #include "localizer/initialization/global_start.h"
+#include "localizer/monitor/health_monitor.h"
 #include "mapstore/geometry/covariance.h"
 #include "mapstore/run/item_limits.h"
 #include "proto/core/status.h"
@@ -14,6 +15,7 @@ namespace shiftmap {
 struct LocalizerOptions {
   HypothesisOptions hypotheses;
   GlobalStartOptions global_start;
+  HealthOptions health;
 
   /// Pose at the first scan; nothing: found from the signatures seen.
   std::optional<PoseWithCovariance> initial_pose;

@@ -9,17 +9,7 @@
 namespace shiftmap {
 namespace {
 
-// What it takes to be lost without another pose that explains what is seen, and to be found.
-constexpr double kLostS = 20.0;
-constexpr int kMinObservations = 20;
-constexpr double kLostShare = 0.2;
-constexpr double kFoundShare = 0.5;
-constexpr int kMinFailing = 3;
-
-// Pairs that tell, and the share of them that keeps its distance where the pose is wrong.
-constexpr int kMinPairs = 4;
-constexpr double kMinPairShare = 0.6;
-
+constexpr int kMinFailing = 3;   // Landmarks: fewer may have moved.
 constexpr int kMinAgreeing = 3;  // Landmarks: two agree by accident.
 
 // Share of the landmarks in view that may have moved.
@@ -106,15 +96,15 @@ double HealthMonitor::ExplainedShare(Tallies::const_iterator begin) const {
 
 void HealthMonitor::Judge() {
   if (lost_) {
-    const auto begin = StretchBegin(0.0, kMinObservations);
+    const auto begin = StretchBegin(0.0, options_.min_observations);
     // Two landmarks agree with some pose, always.
     lost_ = begin == tallies_.end() || begin->stamp < failing_since_ ||
-            ExplainedShare(begin) < kFoundShare ||
+            ExplainedShare(begin) < options_.found_share ||
             Support(begin->stamp, -1).agreeing < kMinAgreeing;
     return;
   }
-  auto begin = StretchBegin(kLostS, kMinObservations);
-  if (begin == tallies_.end() || ExplainedShare(begin) > kLostShare) return;
+  auto begin = StretchBegin(options_.lost_s, options_.min_observations);
+  if (begin == tallies_.end() || ExplainedShare(begin) > options_.lost_share) return;
   if (!Support(begin->stamp, -1).Doubts() || LandmarksMoved(begin)) return;
   while (begin != tallies_.begin() && (begin - 1)->explained == 0) --begin;
   DeclareLost(begin->stamp);
@@ -133,7 +123,7 @@ bool HealthMonitor::LandmarksMoved(Tallies::const_iterator begin) const {
     sum.as_in_map += it->pairs.as_in_map;
     sum.pairs += it->pairs.pairs;
   }
-  return sum.pairs >= kMinPairs && sum.as_in_map < kMinPairShare * sum.pairs;
+  return sum.pairs >= options_.min_pairs && sum.as_in_map < options_.min_pair_share * sum.pairs;
 }
 
 PoseSupport HealthMonitor::Support(Stamp since, int except) const {

@@ -36,19 +36,37 @@ struct PoseSupport {
 /// 1/3: about the most that ever moved at once.
 double FailureTail(const PoseSupport& support);
 
+/// What it takes to be lost without another pose that explains what is seen, and to be found.
+struct HealthOptions {
+  /// Over this time [s], and as many observations at least, at most this share of them agreed.
+  /// Raising the time tells later, and of fewer stretches in which most landmarks moved.
+  double lost_s = 20.0;
+  int min_observations = 20;
+  double lost_share = 0.2;
+
+  /// Found when this share of as many observations agrees.
+  double found_share = 0.5;
+
+  /// As many pairs of failing landmarks tell, and a smaller share of them keeps its distance, where
+  /// not the pose is wrong but landmarks moved.
+  int min_pairs = 4;
+  double min_pair_share = 0.6;
+};
+
 /// Keeps which of the landmarks seen last agree with the pose, and tells a lost vehicle from an old
 /// map where nothing else does.
 ///
 /// A landmark at an unknown place fails alone; when the pose is wrong, everything does. So a pose
-/// counts as lost when for twenty seconds nearly everything seen agreed with none of its modes and
-/// with no place that it was found to have moved to. With another pose at hand that explains what
-/// fails, the vehicle is known to be lost earlier: DeclareLost(). It counts as found again when
-/// half of what is seen agrees, three landmarks or more.
+/// counts as lost when for a while (HealthOptions) nearly everything seen agreed with none of its
+/// modes and with no place that it was found to have moved to. With another pose at hand that
+/// explains what fails, the vehicle is known to be lost earlier: DeclareLost(). It counts as found
+/// again when half of what is seen agrees, three landmarks or more.
 ///
 /// Memory: as much as its constructor takes.
 class HealthMonitor {
  public:
-  explicit HealthMonitor(std::size_t groups) : last_(groups) {}
+  explicit HealthMonitor(std::size_t groups, const HealthOptions& options = {})
+      : options_(options), last_(groups) {}
 
   /// @param explained  By a mode of the group, or by a place that it is known to have moved to.
   /// @param nis        Of the mode, 2 dof; nothing where none explains.
@@ -112,6 +130,7 @@ class HealthMonitor {
 
   static constexpr std::size_t kScans = 512;
 
+  HealthOptions options_;
   std::vector<LastSeen> last_;  // By group.
   PoseSupport all_;             // Counts of last_, and nothing else.
   Tallies tallies_{kScans};     // Of scans in which something was seen.

@@ -3,6 +3,9 @@
 
 #include <gtest/gtest.h>
 
+#include <optional>
+#include <utility>
+
 namespace shiftmap {
 namespace {
 
@@ -73,6 +76,26 @@ TEST(HealthMonitor, AVehicleIsLostWhenNothingAgreesForTwentySeconds) {
   // Found when half of the last twenty observations agree.
   for (double t = 20.25; t < 21.0; t += kScanS) AddScan(t, 4, {}, &health);
   EXPECT_FALSE(health.lost());
+}
+
+TEST(HealthMonitor, WhatItTakesToBeLostIsAnOption) {
+  // Landmarks fail for 30 s, eight of ten pairs as in the map, then three of four agree.
+  const auto lost_and_found = [](const HealthOptions& options, int agreeing) {
+    HealthMonitor health(4, options);
+    for (double t = 0.0; t < 30.0; t += kScanS)
+      AddScan(t, agreeing, {.pairs = 10, .as_in_map = 8}, &health);
+    const bool lost = health.lost();
+    for (double t = 30.0; t < 35.0; t += kScanS) AddScan(t, 3, {}, &health);
+    return std::pair(lost, lost && !health.lost());
+  };
+  EXPECT_EQ(lost_and_found({}, 0), std::pair(true, true));
+  EXPECT_EQ(lost_and_found({.lost_s = 40.0}, 0).first, false);
+  EXPECT_EQ(lost_and_found({.min_observations = 1000}, 0).first, false);
+  EXPECT_EQ(lost_and_found({.min_pair_share = 0.9}, 0).first, false);
+  EXPECT_EQ(lost_and_found({.min_pairs = 2000, .min_pair_share = 0.9}, 0).first, true);
+  EXPECT_EQ(lost_and_found({.found_share = 0.9}, 0), std::pair(true, false));
+  EXPECT_EQ(lost_and_found({}, 1).first, false);
+  EXPECT_EQ(lost_and_found({.lost_share = 0.3}, 1).first, true);
 }
 
 TEST(HealthMonitor, WhatAgreedBeforeDoesNotFindALostVehicle) {
