@@ -114,7 +114,7 @@ Status Service::WriteReport() {
   return OkStatus();
 }
 
-// Where a vehicle that drives will be when the next shift begins, its pose now does not tell.
+// The pose of a moving vehicle says nothing of where the next shift begins.
 void Service::SavePose() {
   if (shift_->Moves()) {
     options_.warn("the vehicle moves, its pose was not saved");

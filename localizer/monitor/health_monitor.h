@@ -36,19 +36,19 @@ struct PoseSupport {
 /// 1/3: about the most that ever moved at once.
 double FailureTail(const PoseSupport& support);
 
-/// What it takes to be lost without another pose that explains what is seen, and to be found.
+/// When a vehicle counts as lost although no other pose explains the sightings, and when as found.
 struct HealthOptions {
-  /// Over this time [s], and as many observations at least, at most this share of them agreed.
-  /// Raising the time tells later, and of fewer stretches in which most landmarks moved.
+  /// Lost: over this time [s], and this number of observations at least, at most this share of them
+  /// agreed. A longer time delays LOST, and avoids it where most landmarks moved.
   double lost_s = 20.0;
   int min_observations = 20;
   double lost_share = 0.2;
 
-  /// Found when this share of as many observations agrees.
+  /// Found: this share of the same number of observations agrees.
   double found_share = 0.5;
 
-  /// As many pairs of failing landmarks tell, and a smaller share of them keeps its distance, where
-  /// not the pose is wrong but landmarks moved.
+  /// Landmarks moved, and the pose is not wrong: of at least this number of pairs of failing
+  /// landmarks, a smaller share than this keeps its distance.
   int min_pairs = 4;
   double min_pair_share = 0.6;
 };
@@ -60,7 +60,7 @@ struct HealthOptions {
 /// counts as lost when for a while (HealthOptions) nearly everything seen agreed with none of its
 /// modes and with no place that it was found to have moved to. With another pose at hand that
 /// explains what fails, the vehicle is known to be lost earlier: DeclareLost(). It counts as found
-/// again when half of what is seen agrees, three landmarks or more.
+/// again when enough sightings agree (`found_share`), of three landmarks or more.
 ///
 /// Memory: as much as its constructor takes.
 class HealthMonitor {

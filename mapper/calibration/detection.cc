@@ -12,13 +12,10 @@
 namespace shiftmap {
 namespace {
 
-// Of what was seen: the rest was misread, or lucky.
+// The field of view holds this share of the sightings: the others are misreadings or chance.
 constexpr double kFieldOfViewQuantile = 0.99;
 constexpr double kMinRangeM = 0.1;
 constexpr double kMinBearingRad = 0.01;
-
-// No sensor is known to see always, or never: a miss, or a sighting, would then decide alone.
-constexpr double kMinDetection = 0.05;
 
 // Between one outlier in days of driving, and one in every scan of a room.
 constexpr double kMinClutterPerM2 = 1e-7;
@@ -109,8 +106,8 @@ void SetFieldOfView(const std::vector<Eigen::Vector2d>& positions, SensorCalibra
 }
 
 void SetDetection(const DetectionCount& count, SensorCalibration* sensor) {
-  sensor->detection_probability = std::clamp(
-      (count.detected + 1.0) / (count.expected + 2.0), kMinDetection, 1.0 - kMinDetection);
+  sensor->detection_probability =
+      std::clamp((count.detected + 1.0) / (count.expected + 2.0), kMinDetection, kMaxDetection);
 }
 
 SensorCalibration EstimateDetection(const BuildState& build, const ModeOptions& options) {

@@ -238,23 +238,24 @@ std::optional<Split> WorstExplained(const ModeOptions& options,
     Eigen::Vector2d centre;
     double gain;
   };
+  const Eigen::Matrix2d pose_error = PoseError(options);
   // What one at its own place, known to `score_position_sd_m`, gains on one at a new place.
   const double least_gain =
-      -std::log(2.0 * M_PI * PoseError(options)(0, 0) * build.sensor.new_landmark_density_per_m2);
+      -std::log(2.0 * M_PI * pose_error(0, 0) * build.sensor.new_landmark_density_per_m2);
   std::vector<Seen> seen;
   for (const VisitRef& ref : visits) {
     const OptionalMode mode = AssignmentOf(build, ref);
     if (!mode) continue;
-    const VisitCluster cluster = DensestCluster(
-        VisitPositions(build.runs[ref.run], VisitOf(build, ref)), options.cluster_radius_m);
+    const VisitCluster cluster =
+        ClusterOf(build.runs[ref.run], VisitOf(build, ref), options.cluster_radius_m);
     if (cluster.count < options.min_sightings) continue;
     const VisitDensity density = DensityOf(build, ref, options);
     const Eigen::Vector2d& p = build.modes[group][*mode].p_map_landmark;
-    seen.push_back({ref,
-                    *mode,
-                    cluster.centre,
-                    density.LogUnderMode(cluster.centre, PoseError(options)) -
-                        density.LogUnderMode(p, PoseError(options))});
+    seen.push_back(
+        {ref,
+         *mode,
+         cluster.centre,
+         density.LogUnderMode(cluster.centre, pose_error) - density.LogUnderMode(p, pose_error)});
   }
   double gains = 0.0;
   for (const Seen& visit : seen) gains += std::max(0.0, visit.gain);
@@ -348,8 +349,8 @@ int CreateModes(const ModeOptions& options, BuildState* build) {
     const GroupModeIndex known = modes.end_index();
     for (const VisitRef& ref : by_group[group]) {
       if (AssignmentOf(build, ref)) continue;
-      const VisitCluster cluster = DensestCluster(
-          VisitPositions(build->runs[ref.run], VisitOf(*build, ref)), options.cluster_radius_m);
+      const VisitCluster cluster =
+          ClusterOf(build->runs[ref.run], VisitOf(*build, ref), options.cluster_radius_m);
       if (cluster.count < options.min_sightings) continue;
       // An earlier visit may just have made a mode of this place.
       OptionalMode mode;

@@ -88,7 +88,7 @@ AlignmentPoints Reference(const BuildState& build, const Owners& others, const B
 Eigen::Vector2d PlaceOf(const ModeOptions& options,
                         const BuildRun& run,
                         const MappingVisit& visit) {
-  return DensestCluster(VisitPositions(run, visit), options.cluster_radius_m).centre;
+  return ClusterOf(run, visit, options.cluster_radius_m).centre;
 }
 
 // Per visit of a run the mode of others that it is at, or kUnassigned.

@@ -16,7 +16,6 @@
 #include "mapper/parallel.h"
 #include "mapper/rows.h"
 #include "mapper/run_maps/variance_factor.h"
-#include "mapstore/geometry/covariance.h"
 
 namespace shiftmap {
 namespace {

@@ -67,8 +67,7 @@ void CalibrateOpen(const MapperOptions& options,
   for (const MappingVisit& visit : run->data->visits) {
     GroupModes& modes = open.modes[visit.group];
     run->assignment.push_back(modes.end_index());
-    const std::vector<Eigen::Vector2d> seen = VisitPositions(*run, visit);
-    modes.push_back({DensestCluster(seen, options.modes.cluster_radius_m).centre, kAbsent});
+    modes.push_back({ClusterOf(*run, visit, options.modes.cluster_radius_m).centre, kAbsent});
   }
   open.runs.push_back(std::move(*run));
   GraphSolver solver;
@@ -78,15 +77,21 @@ void CalibrateOpen(const MapperOptions& options,
   *sensor = open.sensor;
 }
 
-// Maps a calibrated run from its poses on.
+// A run with a mode per group by its poses.
 // @param build  Whose groups and sensor it has.
+BuildState OneModeEach(const MapperOptions& options, const BuildState& build, BuildRun run) {
+  BuildState result = StartBuild(build.modes.size(), build.sensor);
+  result.runs.push_back(std::move(run));
+  PlaceModes(options.modes.cluster_radius_m, &result);
+  return result;
+}
+
+// Maps a calibrated run from its poses on.
 BuildState MapOnce(const MapperOptions& options,
                    const BuildState& build,
                    const StepCallback& on_step,
                    BuildRun run) {
-  BuildState mapped = StartBuild(build.modes.size(), build.sensor);
-  mapped.runs.push_back(std::move(run));
-  PlaceModes(options.modes.cluster_radius_m, &mapped);
+  BuildState mapped = OneModeEach(options, build, std::move(run));
   GraphSolver solver;
   AlternateModes(options, &mapped, &solver, on_step);  // All runs are solved again together.
   return mapped;
@@ -112,9 +117,7 @@ IndexedVector<FrameIndex, Se2> PulledTogether(const MapperOptions& options,
                                               BuildRun run) {
   // The loss is square for metres first, so that what is far off pulls. [standard deviations]
   constexpr double kLossScales[] = {100.0, 15.0};
-  BuildState whole = StartBuild(build.modes.size(), build.sensor);
-  whole.runs.push_back(std::move(run));
-  PlaceModes(options.modes.cluster_radius_m, &whole);
+  BuildState whole = OneModeEach(options, build, std::move(run));
   BuildRun& pulled = whole.runs.front();
   for (const VisitIndex v : pulled.assignment.indices()) {
     if (!MakesMode(options.modes, pulled.data->visits[v])) pulled.assignment[v] = kUnassigned;
@@ -137,8 +140,9 @@ BuildState MapFromPoses(const MapperOptions& options,
   BuildState mapped = MapOnce(options, build, on_step, run);
   if (ModesBesideFirst(mapped) == 0 || (on_step && !on_step(mapped))) return mapped;
   run.poses = mapped.runs.front().poses;
-  run.poses = PulledTogether(options, build, run);
-  BuildState pulled = MapOnce(options, build, on_step, std::move(run));
+  BuildRun from_one_place = run;
+  from_one_place.poses = PulledTogether(options, build, std::move(run));
+  BuildState pulled = MapOnce(options, build, on_step, std::move(from_one_place));
   return CostOf(pulled) < CostOf(mapped) ? std::move(pulled) : std::move(mapped);
 }
 

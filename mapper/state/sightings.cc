@@ -67,4 +67,8 @@ std::vector<Eigen::Vector2d> VisitPositions(const BuildRun& run, const MappingVi
   return positions;
 }
 
+VisitCluster ClusterOf(const BuildRun& run, const MappingVisit& visit, double radius_m) {
+  return DensestCluster(VisitPositions(run, visit), radius_m);
+}
+
 }  // namespace shiftmap

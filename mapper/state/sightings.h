@@ -38,6 +38,9 @@ bool IsInlier(const BuildState& build, const BuildRun& run, const Sighting& sigh
 /// off. [m]
 std::vector<Eigen::Vector2d> VisitPositions(const BuildRun& run, const MappingVisit& visit);
 
+/// Where most of these agree.
+VisitCluster ClusterOf(const BuildRun& run, const MappingVisit& visit, double radius_m);
+
 /// Whether a visit has sightings enough for a mode. Shorter ones may be of a misread signature.
 bool MakesMode(const ModeOptions& options, const MappingVisit& visit);
 

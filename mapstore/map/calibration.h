@@ -9,6 +9,11 @@ namespace shiftmap {
 /// Of OdometryCalibration::lag_s, either way. [s]
 inline constexpr double kMaxLagS = 60.0;
 
+/// Bounds of an estimate of P_D0. No sensor is known to see always, or never: a miss, or a
+/// sighting, would then decide alone.
+inline constexpr double kMinDetection = 0.05;
+inline constexpr double kMaxDetection = 0.95;
+
 /// What a fleet's odometry gets wrong, and by how much that differs between vehicles:
 /// true v = scale_v · measured v, true ω = scale_omega · measured ω, each read `lag_s` later.
 struct OdometryCalibration {

@@ -10,10 +10,6 @@
 namespace shiftmap {
 namespace {
 
-// A share of 0 or 1 would let one scan decide.
-constexpr double kMinDetection = 0.05;
-constexpr double kMaxDetection = 0.95;
-
 bool IsValid(const Estimate& estimate) {
   return std::abs(estimate.value) <= kMaxMagnitude && estimate.sd > 0.0 &&
          estimate.sd <= kMaxMagnitude;
