@@ -6,181 +6,26 @@
 #include <algorithm>
 #include <filesystem>
 #include <memory>
-#include <nlohmann/json.hpp>
 #include <set>
 #include <utility>
 
-#include "mapper/cli/build_report.h"
+#include "mapper/cli/build_provenance.h"
+#include "mapper/cli/build_warnings.h"
 #include "mapper/cli/objections.h"
+#include "mapper/cli/prior_map.h"
 #include "mapper/cli/run_copies.h"
 #include "mapper/cli/run_loader.h"
-#include "mapper/frontend/mapping_run.h"
 #include "mapper/map_edits.h"
 #include "mapper/selection/selector.h"
 #include "mapper/tree/tree_builder.h"
 #include "mapstore/cli/stop_signals.h"
 #include "mapstore/cli/store_access.h"
-#include "mapstore/cli/version.h"
 #include "mapstore/core/count_text.h"
 #include "mapstore/core/folder.h"
-#include "mapstore/core/inert_text.h"
 #include "mapstore/core/memory_bound.h"
-#include "mapstore/prior_version.h"
 
 namespace shiftmap {
 namespace {
-
-// Poses of a run that the store keeps for pictures.
-constexpr std::size_t kStoredPoses = 2000;
-
-// The version that a build starts from.
-struct PriorMap {
-  std::optional<VersionNumber> version;
-  std::optional<VersionNumber> published;  // Newer than `version` if it rests on excluded runs.
-  std::optional<MapContent> content;
-  std::vector<LineRun> known_runs;         // Those that are in it already.
-  std::vector<UnplacedRun> waiting;        // Of earlier builds.
-  std::vector<RunRecord> fallen_out;       // Of versions newer than `version`.
-  std::vector<Exclusion> exclusions;       // What an operator took out of the area's memory.
-  std::vector<EvidenceRow> evidence;       // Of the line of versions, to learn the chains from.
-  std::vector<ModeVisibility> visibility;  // Of the same line's runs.
-  std::vector<RunRecord> older_runs;       // The newest of that line.
-  BuildEdits edits;
-};
-
-// Goes on from the edits that are in force. A prior that is named is taken as it is.
-Status TakeEditsIn(const AreaBuildOptions& options,
-                   const Context& context,
-                   MapStore* store,
-                   PriorMap* prior) {
-  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<MapEdit> edits, store->Edits(options.area));
-  if (edits.empty()) return OkStatus();
-  if (prior->published && !context.dry_run()) {
-    SHIFTMAP_ASSIGN_OR_RETURN(
-        MapStore writer,
-        OpenStore(options.store, MapStore::Access::kReadWrite, context, options.clock_tolerance_s));
-    SHIFTMAP_ASSIGN_OR_RETURN(prior->version,
-                              writer.WithEditsInForce(options.area, *prior->version));
-  }
-  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<MapEdit> held,
-                            store->EditsOf(options.area, *prior->version));
-  prior->edits = MakeBuildEdits(held);
-  return OkStatus();
-}
-
-std::optional<VersionNumber> ParentOf(VersionNumber version,
-                                      const std::vector<VersionSummary>& versions) {
-  const auto summary = std::find_if(versions.begin(), versions.end(), [&](const auto& other) {
-    return other.version == version;
-  });
-  return summary == versions.end() ? std::nullopt : summary->parent;
-}
-
-// Runs of the published version's line that its prior does not rest on, but for excluded ones.
-Status FindFallenOut(const AreaBuildOptions& options, MapStore* store, PriorMap* prior) {
-  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<VersionSummary> versions,
-                            store->Versions(options.area));
-  for (std::optional<VersionNumber> at = prior->published; at && *at != *prior->version;) {
-    SHIFTMAP_ASSIGN_OR_RETURN(const Provenance provenance,
-                              store->LoadProvenance(options.area, *at));
-    for (const RunRecord& run : provenance.runs) {
-      const bool rests =
-          std::any_of(prior->known_runs.begin(), prior->known_runs.end(), [&](const LineRun& of) {
-            return of.run.sha256 == run.sha256;
-          });
-      const bool excluded =
-          FindExclusion(prior->exclusions, run.identity(), run.vehicle, run.begin) != nullptr;
-      if (!rests && !excluded) prior->fallen_out.push_back(run);
-    }
-    at = ParentOf(*at, versions);
-  }
-  return OkStatus();
-}
-
-StatusOr<PriorMap> LoadPrior(const AreaBuildOptions& options, const Context& context) {
-  PriorMap prior;
-  std::error_code error;
-  const bool exists = std::filesystem::exists(options.store, error);
-  const bool needed = options.prior != "none" && options.prior != "published";
-  if (!exists && !needed) return prior;
-  // Opened even without a prior: what is no store is better known before the work than after it.
-  SHIFTMAP_ASSIGN_OR_RETURN(MapStore store,
-                            OpenStore(options.store, MapStore::Access::kReadOnly, context));
-  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<AreaSummary> areas, store.Areas());
-  const bool known = std::any_of(areas.begin(), areas.end(), [&](const AreaSummary& area) {
-    return area.area == options.area;
-  });
-  if (known) {
-    SHIFTMAP_ASSIGN_OR_RETURN(prior.exclusions, store.Exclusions(options.area));
-    SHIFTMAP_ASSIGN_OR_RETURN(prior.waiting, store.WaitingRuns(options.area));
-  }
-  if (options.prior == "none") return prior;
-  if (options.prior == "published") {
-    SHIFTMAP_ASSIGN_OR_RETURN(prior.published, store.PublishedVersion(options.area));
-    if (!prior.published) return prior;
-    SHIFTMAP_ASSIGN_OR_RETURN(
-        prior.version,
-        FindPriorVersion(
-            options.area,
-            *prior.published,
-            [&](const std::string& line) { context.Warn(line + ": it is no prior"); },
-            &store));
-    if (!prior.version && !options.starts_anew) {
-      return FailedPrecondition(
-          "area '{}': every stored version of the line rests on what was taken out; --prior none "
-          "with the logs of all runs that count starts anew",
-          options.area);
-    }
-    if (!prior.version) return prior;
-  } else {
-    prior.version = VersionNumber(std::stoll(options.prior));
-  }
-  SHIFTMAP_RETURN_IF_ERROR(TakeEditsIn(options, context, &store, &prior));
-  SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot snapshot,
-                            store.LoadVersion(options.area, *prior.version));
-  prior.content = snapshot.content();
-  SHIFTMAP_ASSIGN_OR_RETURN(prior.known_runs, store.LineRuns(options.area, *prior.version));
-  SHIFTMAP_RETURN_IF_ERROR(FindFallenOut(options, &store, &prior));
-  return prior;
-}
-
-// One line for each vehicle that was in two runs at one time, of a build or of one and the map.
-std::vector<std::string> AtTwoPlaces(const std::vector<MapperInput>& inputs,
-                                     const std::vector<LineRun>& known_runs) {
-  struct Stay {
-    const std::string& vehicle;
-    const std::string& run;
-    Stamp begin;
-    Stamp end;
-  };
-  std::vector<Stay> stays;
-  for (const MapperInput& input : inputs) {
-    if (input.run.odometry.empty()) continue;
-    stays.push_back({input.run.info.vehicle, input.name, BeginOf(input.run), EndOf(input.run)});
-  }
-  const std::size_t of_build = stays.size();
-  for (const auto& [run, version, committed] : known_runs) {
-    stays.push_back({run.vehicle, run.name, run.begin, run.end});
-  }
-  std::map<std::string, std::string> lines;
-  for (std::size_t i = 0; i < of_build; ++i) {
-    const Stay& a = stays[i];
-    for (std::size_t k = i + 1; k < stays.size() && !a.vehicle.empty(); ++k) {
-      const Stay& b = stays[k];
-      if (a.vehicle != b.vehicle || a.begin >= b.end || b.begin >= a.end) continue;
-      lines.try_emplace(a.vehicle,
-                        fmt::format("vehicle '{}' is in runs '{}' and '{}' at {} UTC: a clock is "
-                                    "wrong, or two vehicles have one name",
-                                    a.vehicle,
-                                    a.run,
-                                    b.run,
-                                    FormatUtc(std::max(a.begin, b.begin))));
-    }
-  }
-  std::vector<std::string> result;
-  for (auto& [vehicle, line] : lines) result.push_back(std::move(line));
-  return result;
-}
 
 // Leaves out logs that are excluded or held.
 Status LeaveOutExcluded(const std::string& area,
@@ -203,61 +48,6 @@ Status LeaveOutExcluded(const std::string& area,
                             area,
                             runs->rejected.front().name,
                             runs->rejected.front().reason);
-}
-
-// The newest runs of a version and its ancestors, with their trajectories.
-// @param without_runs  Hashes and identities.
-StatusOr<std::vector<RunRecord>> LoadOlderRuns(const std::string& area,
-                                               VersionNumber version,
-                                               const std::set<std::string>& without_runs,
-                                               MapStore* store) {
-  constexpr std::size_t kMostRuns = 500;
-  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<VersionSummary> versions, store->Versions(area));
-  std::vector<RunRecord> runs;
-  std::optional<VersionNumber> at = version;
-  for (auto of = versions.rbegin(); of != versions.rend() && runs.size() < kMostRuns; ++of) {
-    if (!at || of->version != *at) continue;
-    at = of->parent;
-    SHIFTMAP_ASSIGN_OR_RETURN(const Provenance provenance,
-                              store->LoadProvenance(area, of->version));
-    for (const RunRecord& run : provenance.runs) {
-      if (run.trajectory.empty() || without_runs.contains(run.sha256) ||
-          without_runs.contains(run.identity())) {
-        continue;
-      }
-      runs.push_back(run);
-    }
-  }
-  return runs;
-}
-
-// Loads what the ledger says of the landmarks and of where they are visible from, but not of the
-// runs of the build: it sees their visits itself, with all modes, and none may count twice. The
-// prior map gets the probabilities of when they begin.
-Status LoadMemory(const AreaBuildOptions& options,
-                  const std::vector<MapperInput>& inputs,
-                  const Context& context,
-                  PriorMap* prior) {
-  if (!prior->version) return OkStatus();
-  std::set<std::string> runs;
-  Stamp begin = Stamp::max();
-  for (const MapperInput& input : inputs) {
-    if (!input.run.odometry.empty()) begin = std::min(begin, BeginOf(input.run));
-    runs.insert(input.sha256);
-    if (!input.run.info.uuid.empty()) runs.insert(input.run.info.uuid);
-  }
-  SHIFTMAP_ASSIGN_OR_RETURN(MapStore store,
-                            OpenStore(options.store, MapStore::Access::kReadOnly, context));
-  SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot map,
-                            store.LoadAt(options.area, prior->version, begin));
-  prior->content = map.content();
-  SHIFTMAP_ASSIGN_OR_RETURN(prior->visibility,
-                            store.MappedVisibility(options.area, *prior->version, runs));
-  if (options.no_learned_rates) return OkStatus();
-  SHIFTMAP_ASSIGN_OR_RETURN(prior->evidence, store.Evidence(options.area, *prior->version, runs));
-  SHIFTMAP_ASSIGN_OR_RETURN(prior->older_runs,
-                            LoadOlderRuns(options.area, *prior->version, runs, &store));
-  return OkStatus();
 }
 
 Status CheckStopped(const AreaBuildOptions& options) {
@@ -302,13 +92,6 @@ RunLoaderOptions LoaderOptions(const AreaBuildOptions& options,
   return loader;
 }
 
-std::vector<StampedPose> Thinned(const std::vector<StampedPose>& trajectory) {
-  const std::size_t step = trajectory.size() / kStoredPoses + 1;
-  std::vector<StampedPose> thinned;
-  for (std::size_t i = 0; i < trajectory.size(); i += step) thinned.push_back(trajectory[i]);
-  return thinned;
-}
-
 // Of each log as it is in its file, by its hash.
 std::map<std::string, std::int64_t> ObservationsOf(const LoadedRuns& runs) {
   std::map<std::string, std::int64_t> observations;
@@ -318,69 +101,6 @@ std::map<std::string, std::int64_t> ObservationsOf(const LoadedRuns& runs) {
                                  (dropped == runs.dropped.end() ? 0 : dropped->second.observations);
   }
   return observations;
-}
-
-// What became of the runs, for whoever looks at the version later.
-Json OutcomeJson(const MapperResult& result,
-                 const std::vector<std::string>& at_two_places,
-                 const std::map<std::string, std::int64_t>& in_logs) {
-  double chi2 = 0.0;
-  std::int64_t observations = 0;
-  std::int64_t outliers = 0;
-  for (const MappedRun& run : result.runs) {
-    chi2 += run.chi2;
-    observations += run.observations;
-    outliers += run.outliers;
-  }
-  return {{"chi2", chi2},
-          {"observations", observations},
-          {"outliers", outliers},
-          {"modes_created", result.modes_created},
-          {"modes_merged", result.modes_merged},
-          {"left_out", LeftOutLines(result)},
-          {"waiting", WaitingLines(result)},
-          {"at_two_places", at_two_places},
-          {"observations_of_logs", in_logs}};
-}
-
-Provenance MakeProvenance(const AreaBuildOptions& options,
-                          const AreaBuild& build,
-                          const std::map<std::string, std::int64_t>& in_logs) {
-  const MapperResult& result = build.result;
-  Provenance provenance;
-  provenance.tool = "shiftmap-mapper " + SoftwareVersion();
-  Json configuration = Json{{"revision", SoftwareRevision()},
-                            {"selector", options.selector},
-                            {"engine", options.engine},
-                            {"poses", options.engine == "tree" ? "filtered" : "smoothed"},
-                            {"solver", options.solver},
-                            {"prior", options.prior},
-                            {"anonymous", options.anonymous},
-                            {"placement", options.placement},
-                            {"calibrate", !options.no_calibration},
-                            {"leave_rate_per_s", options.leave_rate_per_s},
-                            {"learned_rates", !options.no_learned_rates},
-                            {"vehicles", VehiclesJson(result.vehicles)},
-                            {"outcome", OutcomeJson(result, build.at_two_places, in_logs)}};
-  if (!options.night.empty()) configuration["night"] = options.night;
-  if (options.engine == "tree") {
-    configuration["tree"] = {{"field_of_view", options.field_of_view},
-                             {"leaves", options.tree.max_leaves},
-                             {"alpha", options.tree.alpha},
-                             {"update_ungated", options.tree.update_ungated},
-                             {"transform", options.tree.transform_alternative},
-                             {"insertion", options.tree_insertion},
-                             {"merging", options.tree_merging}};
-  }
-  // Names are any bytes.
-  provenance.configuration = configuration.dump(-1, ' ', false, Json::error_handler_t::replace);
-  provenance.seed = static_cast<std::int64_t>(options.seed);
-  for (const MappedRun& run : result.runs) {
-    RunRecord& record = provenance.runs.emplace_back(run);
-    record.trajectory = Thinned(run.trajectory);
-  }
-  provenance.older = result.older;
-  return provenance;
 }
 
 Status WriteTrajectories(const std::string& folder, const MapperResult& result) {
@@ -456,44 +176,6 @@ std::vector<SomeRun> NotGiven(std::vector<SomeRun> runs, const std::vector<Mappe
     });
   });
   return runs;
-}
-
-// Codes on vehicles are no landmarks.
-void WarnOfMoving(const std::vector<MapperInput>& inputs,
-                  const FrontEndOptions& options,
-                  const Context& context) {
-  for (const MapperInput& input : inputs) {
-    for (const auto& [signature, count] : MovingSightings(input.run, options)) {
-      context.Warn(
-          fmt::format("run '{}': landmark '{}' moves while it is in view, as a code on a vehicle: "
-                      "{} sightings are left out",
-                      input.name,
-                      InertLine(signature.text()),
-                      count));
-    }
-  }
-}
-
-void WarnOfOdd(const MapperResult& result, const Context& context) {
-  for (const MappedRun& run : result.runs) {
-    for (const Stamp stamp : run.moved) {
-      context.Warn(
-          fmt::format("run '{}': after {} UTC the vehicle was moved and its odometry did not "
-                      "see it: it was carried or towed, or the recorder paused",
-                      run.name,
-                      FormatUtc(stamp)));
-    }
-    if (run.anonymous_observations > 0) {
-      context.Inform(fmt::format("run '{}': {} observations without a signature are left out",
-                                 run.name,
-                                 run.anonymous_observations));
-    }
-    if (run.duplicate_observations == 0) continue;
-    context.Warn(fmt::format(
-        "run '{}': {} observations of a signature at two places in one scan are left out",
-        run.name,
-        run.duplicate_observations));
-  }
 }
 
 // Shows where a build is, and stops it when a signal came.
@@ -659,21 +341,6 @@ StatusOr<AreaBuild> BuildArea(const AreaBuildOptions& options, Context& context)
   SHIFTMAP_ASSIGN_OR_RETURN(AreaBuild build, MakeAreaBuild(options, context));
   if (!context.dry_run()) SHIFTMAP_RETURN_IF_ERROR(CommitArea(options, context, &build));
   return build;
-}
-
-void WarnOfRuns(const AreaBuild& build, Context& context) {
-  for (const std::string& line : WaitingLines(build.result)) context.Attend(line);
-  for (const std::string& line : KeptLines(build.result)) context.Warn(line);
-  for (const std::string& run : build.fallen_out) {
-    context.Attend(fmt::format(
-        "run '{}' is no longer in the map: its version is no prior; build its log again", run));
-  }
-  for (const std::string& line : build.objections) context.Attend(line);
-  for (const std::string& line : build.at_two_places) context.Warn(line);
-  for (const UnplacedRun& run : build.not_given) {
-    context.Warn(fmt::format("run '{}' waits {}", run.name, WaitingReason(run)));
-  }
-  for (const std::string& line : LeftOutLines(build.result)) context.Warn(line);
 }
 
 }  // namespace shiftmap

@@ -91,7 +91,4 @@ Status CommitArea(const AreaBuildOptions& options, const Context& context, AreaB
 /// Precondition: a StopSignals lives.
 StatusOr<AreaBuild> BuildArea(const AreaBuildOptions& options, Context& context);
 
-/// Says which runs are left out or wait, and why, and what is odd about the others.
-void WarnOfRuns(const AreaBuild& build, Context& context);
-
 }  // namespace shiftmap

@@ -10,6 +10,7 @@
 
 #include "mapper/cli/area_build.h"
 #include "mapper/cli/build_report.h"
+#include "mapper/cli/build_warnings.h"
 #include "mapper/cli/commands.h"
 #include "mapper/selection/selector.h"
 #include "mapstore/cli/stop_signals.h"

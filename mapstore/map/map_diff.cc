@@ -7,6 +7,7 @@
 #include <map>
 
 #include "mapstore/geometry/covariance.h"
+#include "mapstore/map/move_rate.h"
 
 namespace shiftmap {
 namespace {
@@ -76,8 +77,8 @@ GroupDiff DiffGroup(const LandmarkGroup& from, const LandmarkGroup& to) {
   for (const Mode& mode : to.modes) {
     if (from.StateOf(mode.number) < 0) diff.added.push_back(mode.number);
   }
-  diff.from_leave_rate_per_s = from.chain.leave_rate_per_s();
-  diff.to_leave_rate_per_s = to.chain.leave_rate_per_s();
+  diff.from_leave_rate_per_s = MoveRate(from.chain);
+  diff.to_leave_rate_per_s = MoveRate(to.chain);
   diff.rates_changed = RatesChanged(from.chain, to.chain);
   diff.probability_change = ProbabilityChange(from, to);
   return diff;
