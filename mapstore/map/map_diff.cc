@@ -77,8 +77,8 @@ GroupDiff DiffGroup(const LandmarkGroup& from, const LandmarkGroup& to) {
   for (const Mode& mode : to.modes) {
     if (from.StateOf(mode.number) < 0) diff.added.push_back(mode.number);
   }
-  diff.from_leave_rate_per_s = MoveRate(from.chain);
-  diff.to_leave_rate_per_s = MoveRate(to.chain);
+  diff.from_move_rate_per_s = MoveRate(from.chain);
+  diff.to_move_rate_per_s = MoveRate(to.chain);
   diff.rates_changed = RatesChanged(from.chain, to.chain);
   diff.probability_change = ProbabilityChange(from, to);
   return diff;

@@ -33,8 +33,8 @@ struct GroupDiff {
   bool uncertainty_changed = false;  ///< The covariance of a mode of both maps.
 
   bool rates_changed = false;
-  double from_leave_rate_per_s = 0.0;  ///< MoveRate().
-  double to_leave_rate_per_s = 0.0;
+  double from_move_rate_per_s = 0.0;  ///< MoveRate().
+  double to_move_rate_per_s = 0.0;
 
   /// Half the sum over the states of the changes of probability; modes that only one map has count
   /// with the probability that they have there. In [0, 1].

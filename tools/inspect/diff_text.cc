@@ -74,7 +74,7 @@ std::string PlaceText(const LandmarkGroup& group, ModeNumber number) {
 
 class DiffLines {
  public:
-  DiffLines(const MapSnapshot& from, const MapSnapshot& to, const LeaveRates& rates, bool all)
+  DiffLines(const MapSnapshot& from, const MapSnapshot& to, const MoveRates& rates, bool all)
       : from_(from), to_(to), rates_(rates), all_(all) {}
 
   void AddLandmark(const Signature& signature, const MapSnapshot& map, const char* change) {
@@ -171,8 +171,8 @@ class DiffLines {
   void AddRate(const GroupDiff& diff) {
     if (!diff.rates_changed) return;
     const auto found = rates_.find(diff.signature);
-    const double from = diff.from_leave_rate_per_s;
-    const double to = diff.to_leave_rate_per_s;
+    const double from = diff.from_move_rate_per_s;
+    const double to = diff.to_move_rate_per_s;
     const bool within = found != rates_.end() && from >= found->second.low_per_s &&
                         from <= found->second.high_per_s;
     if (within) {
@@ -191,13 +191,13 @@ class DiffLines {
                       finite ? std::abs(std::log(to / from)) : HUGE_VAL,
                       diff.signature.text(),
                       "",
-                      "leave rate",
+                      "move rate",
                       std::move(detail)});
   }
 
   const MapSnapshot& from_;
   const MapSnapshot& to_;
-  const LeaveRates& rates_;
+  const MoveRates& rates_;
   bool all_;
   std::vector<Line> lines_;
   Sums sums_;
@@ -233,8 +233,8 @@ std::string SumsText(const Sums& sums, const MapDiff& diff, std::size_t unchange
         sums.largest_m);
   }
   if (sums.rates > 0) {
-    text += fmt::format("{} changed within their 95 % intervals\n",
-                        CountText(sums.rates, "leave rate"));
+    text +=
+        fmt::format("{} changed within their 95 % intervals\n", CountText(sums.rates, "move rate"));
   }
   if (sums.covariances > 0) {
     text += fmt::format("other covariances: {}\n", CountText(sums.covariances, "landmark"));
@@ -250,7 +250,7 @@ std::string SumsText(const Sums& sums, const MapDiff& diff, std::size_t unchange
 std::string DiffText(const EarlierMap& earlier,
                      const MapSnapshot& to,
                      const MapDiff& diff,
-                     const LeaveRates& rates,
+                     const MoveRates& rates,
                      bool all,
                      const TextStyle& style) {
   const MapSnapshot& from = earlier.map;

@@ -6,7 +6,7 @@
 #include "mapstore/cli/text_style.h"
 #include "mapstore/map/map_diff.h"
 #include "mapstore/map/map_snapshot.h"
-#include "tools/inspect/leave_rate.h"
+#include "tools/inspect/move_rate_estimate.h"
 #include "tools/plot/change_plot.h"
 
 namespace shiftmap {
@@ -20,7 +20,7 @@ namespace shiftmap {
 std::string DiffText(const EarlierMap& from,
                      const MapSnapshot& to,
                      const MapDiff& diff,
-                     const LeaveRates& rates,
+                     const MoveRates& rates,
                      bool all,
                      const TextStyle& style);
 

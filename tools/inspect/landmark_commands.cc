@@ -146,7 +146,7 @@ Status RunModes(const ModesArguments& arguments, Context& context) {
                   {"version", history.version.value()},
                   {"modes", list},
                   {"landmark", HistoryJson(history, kLastVisits)}},
-                 VerdictText(history) + LeaveRateText(history) + "\n" +
+                 VerdictText(history) + MoveRateText(history) + "\n" +
                      ModesText(history, context.style()) + "\n" +
                      VisitsText(history, kLastVisits, context.style()));
   return OkStatus();

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "mapstore/geometry/covariance.h"
+#include "mapstore/map/move_rate.h"
 
 namespace shiftmap {
 namespace {
@@ -143,7 +144,7 @@ StatusOr<LandmarkHistory> LoadLandmarkHistory(MapStore* store,
   history.modes = ModesOf(records);
   if (records.group) {
     history.probabilities = Numbered(*records.group, records.group->probabilities);
-    history.leave_rate_per_s = records.group->chain.leave_rate_per_s();
+    history.move_rate_per_s = MoveRate(records.group->chain);
     if (records.statement) {
       history.statement = LandmarkHistory::Statement{
           records.statement->version,

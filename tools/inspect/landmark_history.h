@@ -111,7 +111,7 @@ struct LandmarkHistory {
   bool in_version = false;     ///< The version has the landmark. If not, no row counts.
 
   std::vector<ModeProbability> probabilities;  ///< At `stamp`; empty if not in_version.
-  double leave_rate_per_s = 0.0;               ///< ModeChain::leave_rate_per_s.
+  double move_rate_per_s = 0.0;                ///< MoveRate() of the chain.
   std::vector<ModeHistory> modes;              ///< Of the line, by number; not kAbsent.
   std::vector<HistoryVisit> visits;            ///< Oldest first.
 

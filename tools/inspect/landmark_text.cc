@@ -12,7 +12,7 @@
 #include "mapstore/core/day.h"
 #include "mapstore/core/inert_text.h"
 #include "mapstore/core/mode_name.h"
-#include "tools/inspect/leave_rate.h"
+#include "tools/inspect/move_rate_estimate.h"
 #include "tools/inspect/store_arguments.h"
 
 namespace shiftmap {
@@ -79,13 +79,13 @@ std::size_t FirstShown(const LandmarkHistory& history, std::size_t limit) {
   return limit == 0 || visits <= limit ? 0 : visits - limit;
 }
 
-LeaveRateEstimate LeaveRateOf(const LandmarkHistory& history) {
+MoveRateEstimate MoveRateOf(const LandmarkHistory& history) {
   std::vector<Stamp> times;
   for (const HistoryVisit& visit : history.visits) {
     if (!visit.set_aside) times.push_back(visit.begin);
   }
-  return EstimateLeaveRate(
-      history.leave_rate_per_s, static_cast<int>(history.probabilities.size()), times);
+  return EstimateMoveRate(
+      history.move_rate_per_s, static_cast<int>(history.probabilities.size()), times);
 }
 
 Json VersionsJson(const std::vector<VersionNumber>& versions) {
@@ -271,11 +271,11 @@ std::string ModesText(const LandmarkHistory& history, const TextStyle& style) {
   return table.ToString(style);
 }
 
-std::string LeaveRateText(const LandmarkHistory& history) {
-  if (!(history.leave_rate_per_s > 0.0)) return "";
-  const LeaveRateEstimate rate = LeaveRateOf(history);
+std::string MoveRateText(const LandmarkHistory& history) {
+  if (!(history.move_rate_per_s > 0.0)) return "";
+  const MoveRateEstimate rate = MoveRateOf(history);
   return fmt::format(
-      "leaves a mode {:.3g} times a day (95 % interval {:.3g} to {:.3g}, from {}), once in "
+      "moves {:.3g} times a day in the long run (95 % interval {:.3g} to {:.3g}, from {}), once in "
       "{:.3g} days\n",
       kSecondsPerDay * rate.rate_per_s,
       kSecondsPerDay * rate.low_per_s,
@@ -353,7 +353,7 @@ Json HistoryJson(const LandmarkHistory& history, std::size_t limit) {
   for (std::size_t i = FirstShown(history, limit); i < history.visits.size(); ++i) {
     visits.push_back(VisitJson(history.visits[i]));
   }
-  const LeaveRateEstimate rate = LeaveRateOf(history);
+  const MoveRateEstimate rate = MoveRateOf(history);
   Json statement = nullptr;
   if (history.statement) {
     statement = {{"version", history.statement->version.value()},
@@ -367,7 +367,7 @@ Json HistoryJson(const LandmarkHistory& history, std::size_t limit) {
           {"stamp_s", ToSecondsSinceEpoch(history.stamp)},
           {"known_s", history.known ? Json(ToSecondsSinceEpoch(*history.known)) : Json(nullptr)},
           {"probabilities", ProbabilitiesJson(history.probabilities)},
-          {"leave_rate_per_s",
+          {"move_rate_per_s",
            {{"value", rate.rate_per_s},
             {"interval_95", {rate.low_per_s, rate.high_per_s}},
             {"visits", rate.visits}}},

@@ -16,8 +16,8 @@ std::string VerdictText(const LandmarkHistory& history);
 /// Its modes over the versions: positions, probabilities, visits, and what became of them.
 std::string ModesText(const LandmarkHistory& history, const TextStyle& style);
 
-/// Its leave rate with the interval and the visits behind it, for people.
-std::string LeaveRateText(const LandmarkHistory& history);
+/// Its move rate with the interval and the visits behind it, for people.
+std::string MoveRateText(const LandmarkHistory& history);
 
 /// A row per visit, newest last.
 /// @param limit  The newest so many; 0: all.

@@ -8,6 +8,7 @@
 
 #include "mapstore/core/csv.h"
 #include "mapstore/core/inert_text.h"
+#include "mapstore/map/move_rate.h"
 #include "tools/inspect/vehicle_table.h"
 
 namespace shiftmap {
@@ -67,6 +68,7 @@ Json MapJson(const MapSnapshot& snapshot, const std::optional<VersionNumber>& pa
     }
     groups.push_back({{"signature", group.signature.text()},
                       {"leave_rate_per_s", group.chain.leave_rate_per_s()},
+                      {"move_rate_per_s", MoveRate(group.chain)},
                       {"modes", modes}});
     if (const ChainRhythm* const rhythm = group.chain.rhythm()) {
       groups.back()["rhythm"] = RhythmJson(*rhythm);

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "tools/inspect/leave_rate.h"
+#include "tools/inspect/move_rate_estimate.h"
 
 #include <cmath>
 
 #include "mapstore/map/estimate.h"
+#include "mapstore/map/move_rate.h"
 
 namespace shiftmap {
 namespace {
@@ -22,10 +23,8 @@ double Information(double rate_per_s, int states, double gap_s) {
 
 }  // namespace
 
-LeaveRateEstimate EstimateLeaveRate(double rate_per_s,
-                                    int states,
-                                    const std::vector<Stamp>& visits) {
-  LeaveRateEstimate estimate{rate_per_s, 0.0, 0.0, static_cast<int>(visits.size())};
+MoveRateEstimate EstimateMoveRate(double rate_per_s, int states, const std::vector<Stamp>& visits) {
+  MoveRateEstimate estimate{rate_per_s, 0.0, 0.0, static_cast<int>(visits.size())};
   if (!(rate_per_s > 0.0) || states < 2) return estimate;
   double information = kPriorJumps;
   for (std::size_t i = 1; i < visits.size(); ++i) {
@@ -37,18 +36,17 @@ LeaveRateEstimate EstimateLeaveRate(double rate_per_s,
   return estimate;
 }
 
-LeaveRates EstimateLeaveRates(const MapSnapshot& map, const std::vector<EvidenceRow>& evidence) {
+MoveRates EstimateMoveRates(const MapSnapshot& map, const std::vector<EvidenceRow>& evidence) {
   std::map<Signature, std::vector<Stamp>> visits;
   for (const EvidenceRow& row : evidence) {
     if (row.evidence.begin > map.stamp()) continue;
     visits[row.evidence.signature].push_back(row.evidence.begin);
   }
-  LeaveRates rates;
+  MoveRates rates;
   for (const LandmarkGroup& group : map.groups()) {
     rates.emplace(
         group.signature,
-        EstimateLeaveRate(
-            group.chain.leave_rate_per_s(), group.chain.states(), visits[group.signature]));
+        EstimateMoveRate(MoveRate(group.chain), group.chain.states(), visits[group.signature]));
   }
   return rates;
 }

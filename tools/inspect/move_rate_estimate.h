@@ -10,15 +10,15 @@
 
 namespace shiftmap {
 
-/// A leave rate, and how well the visits behind it tell it.
-struct LeaveRateEstimate {
+/// A move rate (MoveRate), and how well the visits behind it tell it.
+struct MoveRateEstimate {
   double rate_per_s = 0.0;
   double low_per_s = 0.0;  ///< Ends of the 95 % interval.
   double high_per_s = 0.0;
   int visits = 0;  ///< That tell of it.
 };
 
-/// The 95 % interval of the leave rate of a uniform chain that was observed at visits.
+/// The 95 % interval of the move rate of a chain, taken as uniform, that was observed at visits.
 ///
 /// Fisher information about log λ, each visit taken as certain: Σ (λ p')² / (p (1 - p)) over the
 /// gaps Δ, with p the probability of another mode after Δ, and half a jump for the prior
@@ -26,15 +26,13 @@ struct LeaveRateEstimate {
 /// @param rate_per_s  The version's. 0: the interval is 0 too.
 /// @param states      Of the chain: modes and `absent`.
 /// @param visits      Times of the visits that count, ascending.
-LeaveRateEstimate EstimateLeaveRate(double rate_per_s,
-                                    int states,
-                                    const std::vector<Stamp>& visits);
+MoveRateEstimate EstimateMoveRate(double rate_per_s, int states, const std::vector<Stamp>& visits);
 
 /// The same of all landmarks of a map.
 /// @param evidence  Of the map's version (MapStore::Evidence); visits after the map's stamp are
 /// left
 ///                  out.
-using LeaveRates = std::map<Signature, LeaveRateEstimate>;
-LeaveRates EstimateLeaveRates(const MapSnapshot& map, const std::vector<EvidenceRow>& evidence);
+using MoveRates = std::map<Signature, MoveRateEstimate>;
+MoveRates EstimateMoveRates(const MapSnapshot& map, const std::vector<EvidenceRow>& evidence);
 
 }  // namespace shiftmap

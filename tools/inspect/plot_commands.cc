@@ -130,7 +130,7 @@ void AddPlotCommand(Application* application) {
       .Option("WHAT",
               &plot->what,
               "The map; the modes or the history of a landmark; the difference of two versions; "
-              "trajectories on the map; whether a localizer's covariances are right; leave rates; "
+              "trajectories on the map; whether a localizer's covariances are right; move rates; "
               "or the changes of the last build")
       .OneOf(KindNames())
       .Option(

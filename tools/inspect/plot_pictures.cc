@@ -178,7 +178,7 @@ StatusOr<Picture> DrawRates(const PictureArguments& arguments, const Context& co
   SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot map, LoadMap(arguments.store, &store, context));
   SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<EvidenceRow> evidence,
                             store.Evidence(map.area(), map.version()));
-  return Picture{PlotRates(map, EstimateLeaveRates(map, evidence)), AboutMap(map)};
+  return Picture{PlotRates(map, EstimateMoveRates(map, evidence)), AboutMap(map)};
 }
 
 StatusOr<Picture> DrawNight(const PictureArguments& arguments, const Context& context) {

@@ -69,8 +69,8 @@ Json GroupJson(const GroupDiff& group) {
                {"uncertainty_changed", group.uncertainty_changed},
                {"probability_change", group.probability_change}};
   if (group.rates_changed) {
-    json["leave_rate_per_s"] = {{"from", group.from_leave_rate_per_s},
-                                {"to", group.to_leave_rate_per_s}};
+    json["move_rate_per_s"] = {{"from", group.from_move_rate_per_s},
+                               {"to", group.to_move_rate_per_s}};
   }
   return json;
 }
@@ -101,14 +101,14 @@ Json DiffJson(const DiffArguments& arguments, const MapDiff& diff) {
 }
 
 // Of the second map, from the visits that tell of it; only if a rate changed.
-StatusOr<LeaveRates> RatesOf(const MapSnapshot& to, const MapDiff& diff, MapStore* store) {
+StatusOr<MoveRates> RatesOf(const MapSnapshot& to, const MapDiff& diff, MapStore* store) {
   const bool changed = std::any_of(diff.groups.begin(), diff.groups.end(), [](const auto& group) {
     return group.rates_changed;
   });
-  if (!changed) return LeaveRates();
+  if (!changed) return MoveRates();
   SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<EvidenceRow> rows,
                             store->Evidence(to.area(), to.version()));
-  return EstimateLeaveRates(to, rows);
+  return EstimateMoveRates(to, rows);
 }
 
 // Edits that the second version is made with and the first is not, and the other way.
@@ -184,7 +184,7 @@ Status RunDiff(const DiffArguments& arguments, Context& context) {
     context.Report(document, "");
     return OkStatus();
   }
-  SHIFTMAP_ASSIGN_OR_RETURN(const LeaveRates rates, RatesOf(to, diff, &store));
+  SHIFTMAP_ASSIGN_OR_RETURN(const MoveRates rates, RatesOf(to, diff, &store));
   context.Report(
       {}, EditsText(edits) + DiffText(from, to, diff, rates, arguments.all, context.style()));
   return OkStatus();

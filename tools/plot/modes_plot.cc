@@ -11,6 +11,7 @@
 #include "mapstore/core/count_text.h"
 #include "mapstore/core/day.h"
 #include "mapstore/core/mode_name.h"
+#include "mapstore/map/move_rate.h"
 #include "tools/plot/confidence_ellipse.h"
 #include "tools/plot/free_network.h"
 #include "tools/plot/landmark_layer.h"
@@ -185,9 +186,9 @@ void ModesPlot::DrawTable(double top, Svg* svg) const {
   if (!HasTable()) {
     svg->Text({left, top + 42.0},
               fmt::format("{} at {:.2g} per s, once in {}{}",
-                          chain.uniform() ? "leaves every state" : "leaves a state, on average,",
-                          chain.leave_rate_per_s(),
-                          Every(chain.leave_rate_per_s()),
+                          chain.uniform() ? "leaves every state" : "moves, in the long run,",
+                          MoveRate(chain),
+                          Every(MoveRate(chain)),
                           chain.uniform() ? ", and goes to all others alike" : ""),
               note);
     return;

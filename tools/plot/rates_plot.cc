@@ -28,11 +28,11 @@ constexpr double kLeastRate = 1e-15;
 
 struct NamedRate {
   Signature signature;
-  LeaveRateEstimate rate;
+  MoveRateEstimate rate;
 };
 
 void DrawRate(
-    const LeaveRateEstimate& rate, double y, double size, const ChartAxis& axis, Svg* svg) {
+    const MoveRateEstimate& rate, double y, double size, const ChartAxis& axis, Svg* svg) {
   if (!(rate.rate_per_s > kLeastRate)) return;
   const SvgStyle bar{.stroke = palette::kBlue, .stroke_width = size, .opacity = 0.45};
   svg->Line({axis.Pixel(rate.low_per_s), y}, {axis.Pixel(rate.high_per_s), y}, bar);
@@ -49,7 +49,7 @@ ChartAxis RateAxis(const std::vector<NamedRate>& rates) {
       high = std::max(high, value);
     }
   }
-  ChartAxis axis{.label = "leave rate [1/s]",
+  ChartAxis axis{.label = "move rate [1/s]",
                  .scale = AxisScale::kLog,
                  .pixel_min = kEdge + kNames,
                  .pixel_max = kEdge + kNames + kWidth};
@@ -112,7 +112,7 @@ void DrawThinRows(const std::vector<NamedRate>& rates,
   std::vector<Eigen::Vector2d> dots;
   for (std::size_t i = 0; i < rates.size(); ++i) {
     const double y = kTop + row * (static_cast<double>(i) + 0.5);
-    const LeaveRateEstimate& rate = rates[i].rate;
+    const MoveRateEstimate& rate = rates[i].rate;
     if (!(rate.rate_per_s > kLeastRate)) continue;
     intervals.emplace_back(axis.Pixel(rate.low_per_s), y);
     intervals.emplace_back(axis.Pixel(rate.high_per_s), y);
@@ -126,7 +126,7 @@ void DrawThinRows(const std::vector<NamedRate>& rates,
 
 }  // namespace
 
-std::string PlotRates(const MapSnapshot& map, const LeaveRates& by_signature) {
+std::string PlotRates(const MapSnapshot& map, const MoveRates& by_signature) {
   std::vector<NamedRate> rates;
   for (const auto& [signature, rate] : by_signature) rates.push_back({signature, rate});
   std::sort(rates.begin(), rates.end(), [](const NamedRate& a, const NamedRate& b) {
@@ -140,7 +140,7 @@ std::string PlotRates(const MapSnapshot& map, const LeaveRates& by_signature) {
   const ChartAxis y{
       .min = 0.0, .max = 1.0, .pixel_min = kTop + height, .pixel_max = kTop, .ticks = false};
   Legend legend;
-  legend.Heading("Rate of leaving a mode");
+  legend.Heading("Moves in the long run");
   legend.Entry(
       [](const Eigen::Vector2d& at, Svg* svg) {
         const Eigen::Vector2d half(10.0, 0.0);
@@ -160,7 +160,7 @@ std::string PlotRates(const MapSnapshot& map, const LeaveRates& by_signature) {
   std::int64_t visits = 0;
   for (const auto& [signature, rate] : rates) visits += rate.visits;
   DrawTitles(
-      fmt::format("{} · version {} · leave rates", map.area(), map.version().value()),
+      fmt::format("{} · version {} · move rates", map.area(), map.version().value()),
       fmt::format("{} · {}", CountText(rates.size(), "landmark"), CountText(visits, "visit")),
       kEdge,
       width - 2.0 * kEdge,

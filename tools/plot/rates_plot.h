@@ -4,13 +4,13 @@
 #include <string>
 
 #include "mapstore/map/map_snapshot.h"
-#include "tools/inspect/leave_rate.h"
+#include "tools/inspect/move_rate_estimate.h"
 
 namespace shiftmap {
 
 /// The leave rates of a map's landmarks with their intervals as an SVG picture, sorted, on a
 /// logarithmic axis. Of more landmarks than have room for a row with a name each, rows are thin and
 /// without names.
-std::string PlotRates(const MapSnapshot& map, const LeaveRates& rates);
+std::string PlotRates(const MapSnapshot& map, const MoveRates& rates);
 
 }  // namespace shiftmap

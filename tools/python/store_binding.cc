@@ -118,7 +118,7 @@ void BindHistory(py::module_* module) {
                     &LandmarkHistory::in_version,
                     "The version has the landmark; if not, no visit counts.")
       .def_readonly(
-          "leave_rate_per_s", &LandmarkHistory::leave_rate_per_s, "Rate of leaving a mode. [1/s]")
+          "move_rate_per_s", &LandmarkHistory::move_rate_per_s, "Moves in the long run. [1/s]")
       .def("__repr__",
            [](const LandmarkHistory& history) {
              return Text(fmt::format("<History signature='{}' version={} visits={}>",

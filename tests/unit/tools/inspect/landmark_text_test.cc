@@ -138,7 +138,7 @@ TEST_F(LandmarkCommands, HistoryAsADocumentHasEveryVisit) {
 
 TEST_F(LandmarkCommands, ModesOfOneLandmarkHaveItsRateAndItsLastVisits) {
   const std::string text = Run({"modes", "L02"});
-  EXPECT_THAT(text, HasSubstr("leaves a mode 864 times a day (95 % interval"));
+  EXPECT_THAT(text, HasSubstr("moves 864 times a day in the long run (95 % interval"));
   EXPECT_THAT(text, HasSubstr("from 2 visits"));
   const Json modes = Json::parse(Run({"modes", "L02", "--json"}));
   EXPECT_EQ(modes["modes"][0]["x_m"], 12.0);
@@ -169,7 +169,7 @@ TEST_F(LandmarkCommands, AMistypedSignatureIsAnsweredWithTheNearest) {
 TEST_F(LandmarkCommands, DiffPutsWhatMattersFirstAndSumsUpTheRest) {
   const std::string text = Run({"diff", "1", "2"});
   std::vector<std::size_t> places;
-  for (const char* change : {"landmark gone", "new landmark", "moved", "leave rate"}) {
+  for (const char* change : {"landmark gone", "new landmark", "moved", "move rate"}) {
     places.push_back(text.find(change));
     EXPECT_NE(places.back(), std::string::npos) << change;
   }

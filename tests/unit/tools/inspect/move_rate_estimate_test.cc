@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "tools/inspect/leave_rate.h"
+#include "tools/inspect/move_rate_estimate.h"
 
 #include <gtest/gtest.h>
 
@@ -17,21 +17,21 @@ std::vector<Stamp> Every(double gap_s, int visits) {
   return times;
 }
 
-TEST(LeaveRate, WithoutVisitsTheIntervalIsThatOfThePrior) {
-  const LeaveRateEstimate estimate = EstimateLeaveRate(1e-5, 3, {});
+TEST(MoveRate, WithoutVisitsTheIntervalIsThatOfThePrior) {
+  const MoveRateEstimate estimate = EstimateMoveRate(1e-5, 3, {});
   EXPECT_NEAR(std::log(estimate.high_per_s / 1e-5), 1.959964 * std::sqrt(2.0), 1e-9);
   EXPECT_NEAR(estimate.low_per_s * estimate.high_per_s, 1e-10, 1e-20);
-  EXPECT_EQ(EstimateLeaveRate(0.0, 3, Every(60.0, 10)).high_per_s, 0.0);
+  EXPECT_EQ(EstimateMoveRate(0.0, 3, Every(60.0, 10)).high_per_s, 0.0);
 }
 
 // Gaps far longer than the chain's time constant tell nothing of its rate.
-TEST(LeaveRate, VisitsThatAreFarApartTellNothing) {
-  const double prior = EstimateLeaveRate(1e-2, 3, {}).high_per_s;
-  EXPECT_NEAR(EstimateLeaveRate(1e-2, 3, Every(1e6, 100)).high_per_s, prior, 1e-9);
+TEST(MoveRate, VisitsThatAreFarApartTellNothing) {
+  const double prior = EstimateMoveRate(1e-2, 3, {}).high_per_s;
+  EXPECT_NEAR(EstimateMoveRate(1e-2, 3, Every(1e6, 100)).high_per_s, prior, 1e-9);
 }
 
 // The maximum-likelihood estimates of simulated chains scatter as the interval says.
-TEST(LeaveRate, TheIntervalIsTheScatterOfEstimates) {
+TEST(MoveRate, TheIntervalIsTheScatterOfEstimates) {
   constexpr double kRate = 1e-3;
   constexpr double kGapS = 300.0;
   constexpr int kVisits = 2000;
@@ -47,7 +47,7 @@ TEST(LeaveRate, TheIntervalIsTheScatterOfEstimates) {
     for (int i = 1; i < kVisits; ++i) moved += uniform(random) < p ? 1 : 0;
     const double share = static_cast<double>(moved) / (kVisits - 1);
     const double estimated = -std::log(1.0 - 2.0 * share) / (2.0 * kGapS);
-    const LeaveRateEstimate interval = EstimateLeaveRate(estimated, 2, times);
+    const MoveRateEstimate interval = EstimateMoveRate(estimated, 2, times);
     covered += interval.low_per_s < kRate && kRate < interval.high_per_s ? 1 : 0;
   }
   // 95 % of 400, and four standard deviations of that count.

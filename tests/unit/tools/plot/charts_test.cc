@@ -148,7 +148,7 @@ TEST(HistoryPlot, ManyVisitsVersionsAndNoneAreAPictureToo) {
 
 TEST(RatesPlot, IsSortedWithRealValuesOnTheAxis) {
   const MapSnapshot map = Map(2);
-  const LeaveRates rates = {
+  const MoveRates rates = {
       {Signature("slow"), {1.1e-6, 2e-7, 4e-6, 3}},
       {Signature("fast"), {1e-3, 2e-4, 4e-3, 12345}},
       {Signature("<never>"), {0.0, 0.0, 0.0, 0}},
@@ -159,12 +159,12 @@ TEST(RatesPlot, IsSortedWithRealValuesOnTheAxis) {
   EXPECT_LT(texts.find("fast\n"), texts.find("slow\n"));
   EXPECT_THAT(texts, HasSubstr("12345\n"));
   EXPECT_THAT(texts, HasSubstr("1e-3\n"));
-  EXPECT_THAT(texts, HasSubstr("leave rate [1/s]"));
+  EXPECT_THAT(texts, HasSubstr("move rate [1/s]"));
   EXPECT_THAT(texts, HasSubstr("1 day\n"));
 }
 
 TEST(RatesPlot, OfThousandsHasThinRows) {
-  LeaveRates rates;
+  MoveRates rates;
   for (int i = 0; i < 5000; ++i) {
     const double rate = 1e-7 * (1.0 + i);
     rates[Signature(fmt::format("{}", i))] = {rate, 0.5 * rate, 2.0 * rate, i};
