@@ -135,7 +135,7 @@ struct PlausibilityOptions {
 /// When a run lays a second map beside that of the others, and how it is put back
 /// (RelocateMisregisteredRuns).
 struct RelocationOptions {
-  /// As many visits in a row that are of landmarks known elsewhere are no landmarks that moved.
+  /// As many visits in a row, or landmarks, that others know elsewhere may be none that moved.
   int min_visits = 6;
 
   /// Visits of a part: enough of them to be aligned, and no loop to close.

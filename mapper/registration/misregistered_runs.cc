@@ -19,6 +19,7 @@
 #include "mapper/run_maps/run_map.h"
 #include "mapper/run_maps/single_run.h"
 #include "mapper/state/sightings.h"
+#include "mapstore/geometry/covariance.h"
 
 namespace shiftmap {
 namespace {
@@ -42,9 +43,10 @@ void AddOwner(const BuildRun& run, int change, Owners* owners) {
 // How the visits of a run, or of a stretch of it, agree with the others. Only visits that make a
 // mode count.
 struct Agreement {
-  int shared = 0;             // Are where others have their landmark.
-  int contradicting = 0;      // Are of landmarks that others know elsewhere.
-  int contradicting_row = 0;  // Most of these in a row.
+  int shared = 0;                  // Are where others have their landmark.
+  int contradicting = 0;           // Are of landmarks that others know elsewhere.
+  int contradicting_row = 0;       // Most of these in a row.
+  std::set<GroupIndex> elsewhere;  // Their landmarks.
 };
 
 Agreement AgreementOf(
@@ -62,6 +64,7 @@ Agreement AgreementOf(
       in_row = 0;
     } else if (std::any_of(group.begin(), group.end(), [](int count) { return count > 0; })) {
       ++agreement.contradicting;
+      agreement.elsewhere.insert(visit.group);
       agreement.contradicting_row = std::max(agreement.contradicting_row, ++in_row);
     }
   }
@@ -91,16 +94,17 @@ Eigen::Vector2d PlaceOf(const ModeOptions& options,
   return ClusterOf(run, visit, options.cluster_radius_m).centre;
 }
 
-// Per visit of a run the mode of others that it is at, or kUnassigned.
+// Per visit of a run the mode of others that it is at, nearer than a distance, or kUnassigned.
 IndexedVector<VisitIndex, OptionalMode> MatchVisits(const MapperOptions& options,
                                                     const BuildState& build,
                                                     const Owners& others,
-                                                    const BuildRun& run) {
+                                                    const BuildRun& run,
+                                                    double same_place_m) {
   IndexedVector<VisitIndex, OptionalMode> matches;
   for (const MappingVisit& visit : run.data->visits) {
     const NearestMode nearest =
         FindNearest(build, visit.group, PlaceOf(options.modes, run, visit), HasOwner(others));
-    const bool matches_it = nearest.squared_m2 < std::pow(options.relocation.same_place_m, 2);
+    const bool matches_it = nearest.squared_m2 < same_place_m * same_place_m;
     matches.push_back(matches_it ? nearest.mode : kUnassigned);
   }
   return matches;
@@ -168,13 +172,14 @@ std::optional<BuildRun> Realigned(const MapperOptions& options,
   if (!any) return std::nullopt;
   BuildRun realigned = run;
   realigned.poses = aligned->parts.Poses(run.motions);
-  realigned.assignment = MatchVisits(options, build, others, realigned);
+  realigned.assignment =
+      MatchVisits(options, build, others, realigned, options.relocation.same_place_m);
   return realigned;
 }
 
-// What a run costs as it is assigned, with the modes of others held: its least cost, and what each
-// mode of its own does.
-double CostAmong(const MapperOptions& options,
+// A run by itself as it is assigned, with the modes of others held. What is unassigned is at modes
+// of its own.
+BuildState Among(const MapperOptions& options,
                  const BuildState& build,
                  const Owners& others,
                  const BuildRun& run) {
@@ -212,10 +217,54 @@ double CostAmong(const MapperOptions& options,
     places.push_back(alone.modes[group][mode].p_map_landmark);
   }
   alone.priors = HoldModes(held_modes, places, options.modes.position_floor_m);
+  return alone;
+}
+
+// A run as it is assigned, with the modes of others held.
+struct FitAmong {
+  double cost = 0.0;  // The least, and what each mode of its own does.
+  bool fits = false;  // Whether others bend it by no more than its errors and theirs do.
+};
+
+FitAmong FitRunAmong(const MapperOptions& options,
+                     const BuildState& build,
+                     const Owners& others,
+                     const BuildRun& run) {
+  BuildState alone = Among(options, build, others, run);
   SolveContinuous(options, &alone);  // Its parts may be metres from where they belong.
   alone.loss_reach = build.loss_reach;
   SolveContinuous(options, &alone);
-  return alone.cost + kModeCost * static_cast<double>(flat.end.value() - std::ssize(held));
+  const auto held = static_cast<int>(alone.priors.size());
+  const double cost = alone.cost;
+  alone.priors.clear();
+  SolveContinuous(options, &alone);
+  const double limit =
+      options.deformation.variance_factor *
+      ChiSquareQuantile(options.deformation.contradiction, std::max(1, 2 * held - 3));
+  return {cost + kModeCost * static_cast<double>(FlatModes(alone).end.value() - held),
+          2.0 * (cost - alone.cost) <= limit};
+}
+
+// The run with its poses where each landmark stands at the place of others that it is nearest to,
+// whatever that bends. What is not there then, to half of the distance that counts for parts that
+// may be turned, has moved.
+BuildRun PulledOnto(const MapperOptions& options,
+                    const BuildState& build,
+                    const Owners& others,
+                    const BuildRun& run) {
+  BuildRun pulled = run;
+  for (const VisitIndex v : run.assignment.indices()) {
+    const MappingVisit& visit = run.data->visits[v];
+    if (!MakesMode(options.modes, visit)) continue;
+    const Eigen::Vector2d place = PlaceOf(options.modes, run, visit);
+    pulled.assignment[v] = FindNearest(build, visit.group, place, HasOwner(others)).mode;
+  }
+  BuildState alone = Among(options, build, others, pulled);
+  PullTogether(options, &alone);
+  pulled.poses = std::move(alone.runs.front().poses);
+  pulled.assignment =
+      MatchVisits(options, build, others, pulled, 0.5 * options.relocation.same_place_m);
+  return pulled;
 }
 
 // A misregistered run where it costs less than where it is, or nothing.
@@ -225,18 +274,26 @@ std::optional<BuildRun> Relocate(const MapperOptions& options,
                                  const BuildRun& run,
                                  const StepCallback& on_step) {
   const Agreement before = AgreementOf(options.modes, run, others);
-  if (before.contradicting_row < options.relocation.min_visits) return std::nullopt;
+  const bool lays_second_map = before.contradicting_row >= options.relocation.min_visits;
+  if (!lays_second_map && std::ssize(before.elsewhere) < options.relocation.min_visits) {
+    return std::nullopt;
+  }
+  double least = FitRunAmong(options, build, others, run).cost;
+  std::optional<BuildRun> best;
+  const auto consider = [&](BuildRun moved, bool has_to_fit) {
+    if (AgreementOf(options.modes, moved, others).shared <= before.shared) return;
+    const FitAmong fit = FitRunAmong(options, build, others, moved);
+    if (fit.cost >= least || (has_to_fit && !fit.fits)) return;
+    least = fit.cost;
+    best = std::move(moved);
+  };
+  consider(PulledOnto(options, build, others, run), true);
+  if (!lays_second_map) return best;
   std::optional<AlignedParts> aligned = AlignParts(options, build, others, run, on_step);
   if (!aligned) return std::nullopt;
-  double least = CostAmong(options, build, others, run);
-  std::optional<BuildRun> best;
   for (const bool keep : {true, false}) {
     std::optional<BuildRun> moved = Realigned(options, build, others, run, keep, &*aligned);
-    if (!moved || AgreementOf(options.modes, *moved, others).shared <= before.shared) continue;
-    const double cost = CostAmong(options, build, others, *moved);
-    if (cost >= least) continue;
-    least = cost;
-    best = std::move(moved);
+    if (moved) consider(*std::move(moved), false);
   }
   return best;
 }

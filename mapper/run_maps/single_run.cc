@@ -115,20 +115,14 @@ double CostOf(const BuildState& build) {
 IndexedVector<FrameIndex, Se2> PulledTogether(const MapperOptions& options,
                                               const BuildState& build,
                                               BuildRun run) {
-  // The loss is square for metres first, so that what is far off pulls. [standard deviations]
-  constexpr double kLossScales[] = {100.0, 15.0};
   BuildState whole = OneModeEach(options, build, std::move(run));
   BuildRun& pulled = whole.runs.front();
   for (const VisitIndex v : pulled.assignment.indices()) {
     if (!MakesMode(options.modes, pulled.data->visits[v])) pulled.assignment[v] = kUnassigned;
   }
   DropUnusedModes(&whole);
-  Graph graph = MakeGraph(options, &whole);
-  for (const double scale : kLossScales) {
-    graph.loss_scale = scale;
-    SolveGraph(options.solver, &graph);
-  }
-  return std::move(graph.runs.front().poses);
+  PullTogether(options, &whole);
+  return std::move(pulled.poses);
 }
 
 // The same as MapOnce(), and where landmarks seem to have moved, the cheaper of two maps: to poses
@@ -242,6 +236,16 @@ BuildState MapByParts(const MapperOptions& options,
 }
 
 }  // namespace
+
+void PullTogether(const MapperOptions& options, BuildState* build) {
+  constexpr double kLossScales[] = {100.0, 15.0};  // [standard deviations]
+  Graph graph = MakeGraph(options, build);
+  for (const double scale : kLossScales) {
+    graph.loss_scale = scale;
+    SolveGraph(options.solver, &graph);
+  }
+  build->runs.front().poses = std::move(graph.runs.front().poses);
+}
 
 BuildState MapPart(const MapperOptions& options,
                    const BuildState& build,

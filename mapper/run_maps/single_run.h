@@ -26,4 +26,8 @@ BuildState MapPart(const MapperOptions& options,
                    const MappingRun& part,
                    const StepCallback& on_step = {});
 
+/// Solves the poses of a build of one run with a loss that is square for metres first, so that what
+/// is far off pulls.
+void PullTogether(const MapperOptions& options, BuildState* build);
+
 }  // namespace shiftmap

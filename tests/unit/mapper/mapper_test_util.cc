@@ -42,7 +42,8 @@ SimulatedWorld StaticWorld(std::uint64_t seed) {
 
 namespace {
 
-// Runs that each drive along `way` for a time, from the origin on, and round again.
+// Runs that each drive along `way` for a time, from the origin on, and round again. In the last one
+// landmarks are at the last of their modes, else at the first.
 void AddRuns(const std::vector<Eigen::Vector2d>& way,
              int ticks,
              int runs,
@@ -55,7 +56,9 @@ void AddRuns(const std::vector<Eigen::Vector2d>& way,
       .sd_range_m = 0.1, .sd_bearing_rad = 0.02, .detection_probability = 0.8};
   for (int r = 0; r < runs; ++r) {
     SimulatedRun& simulated = world->runs.emplace_back();
-    simulated.active_mode.assign(world->groups.size(), ModeNumber(1));
+    for (const SimulatedGroup& group : world->groups) {
+      simulated.active_mode.emplace_back(r + 1 == runs ? std::ssize(group.modes) : 1);
+    }
     simulated.run.info.vehicle = "v";
     const Stamp begin = StampFromSeconds(1.7676e9 + r * kSecondsPerDay);
     Se2 T_map_vehicle;
@@ -80,7 +83,10 @@ void AddRuns(const std::vector<Eigen::Vector2d>& way,
 
 }  // namespace
 
-SimulatedWorld TwoHalls(std::uint64_t seed, int runs) {
+SimulatedWorld TwoHalls(std::uint64_t seed,
+                        int runs,
+                        const OdometryCalibration& odometry,
+                        int moved) {
   constexpr double kWay = 200.0;
   constexpr int kTicks = 4500;
   Random random = MakeRandom(seed, 0);
@@ -92,7 +98,11 @@ SimulatedWorld TwoHalls(std::uint64_t seed, int runs) {
   }
   const std::vector<Eigen::Vector2d> way = {
       {10.0, 2.0}, {kWay, 1.0}, {kWay + 11.0, 3.0}, {kWay + 9.0, -3.0}, {10.0, -1.0}, {0.0, 0.0}};
-  AddRuns(way, kTicks, runs, {.noise_v = 0.02, .noise_omega = 0.005}, &random, &world);
+  for (std::size_t i = 8; i < 8 + static_cast<std::size_t>(moved); ++i) {
+    std::vector<Eigen::Vector2d>& modes = world.groups[i].modes;
+    modes.emplace_back(modes.front() + Eigen::Vector2d(0.6, 0.8));
+  }
+  AddRuns(way, kTicks, runs, odometry, &random, &world);
   return world;
 }
 

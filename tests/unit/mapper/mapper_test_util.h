@@ -21,7 +21,12 @@ SimulatedWorld StaticWorld(std::uint64_t seed);
 
 /// Two halls of eight landmarks each, 200 m apart with none in between, and runs that go to and fro
 /// by odometry that loses some metres on the way.
-SimulatedWorld TwoHalls(std::uint64_t seed, int runs);
+/// @param moved  So many landmarks of the second hall stand a metre away in the last run.
+SimulatedWorld TwoHalls(std::uint64_t seed,
+                        int runs,
+                        const OdometryCalibration& odometry = {.noise_v = 0.02,
+                                                               .noise_omega = 0.005},
+                        int moved = 0);
 
 /// A run once around a square of 400 m, along which a landmark stands every 8 m, to where the first
 /// few are seen again.
