@@ -208,7 +208,7 @@ Status RemoveUntiedRuns(BuildState* build) {
 constexpr int kRelocationRounds = 3;
 
 // What is discrete in all runs together, where every run is where the others say, without those
-// that do not fit there.
+// that do not fit there, or may be elsewhere.
 int RefineAndRelocate(const MapperOptions& options,
                       const StepCallback& on_step,
                       BuildState* build,
@@ -223,7 +223,8 @@ int RefineAndRelocate(const MapperOptions& options,
        ++round) {
     iterations += refine();
   }
-  while (RemoveMisfitRun(options, build) && !build->runs.empty() && (!on_step || on_step(*build))) {
+  while ((RemoveUndecidedRun(options, build) || RemoveMisfitRun(options, build)) &&
+         !build->runs.empty() && (!on_step || on_step(*build))) {
     iterations += refine();
   }
   return iterations;

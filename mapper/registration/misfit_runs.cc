@@ -120,6 +120,16 @@ std::optional<JoinedFit> FitJoined(const MapperOptions& options,
   return fit;
 }
 
+WaitingRuns& LetWait(RunIndex run, BuildState* build) {
+  const MappingRun& data = *build->runs[run].data;
+  WaitingRuns& waiting = build->waiting.emplace_back();
+  waiting.runs.push_back({data.name, data.sha256});
+  build->runs.erase(build->runs.begin() + run.value());
+  DropUnusedModes(build);
+  if (!build->runs.empty()) RemoveUnconstrainedRuns(build);
+  return waiting;
+}
+
 bool RemoveMisfitRun(const MapperOptions& options, BuildState* build) {
   MapperOptions of_one = options;
   of_one.threads = 1;
@@ -135,13 +145,7 @@ bool RemoveMisfitRun(const MapperOptions& options, BuildState* build) {
     worst = r;
   }
   if (!worst) return false;
-  const MappingRun& data = *build->runs[*worst].data;
-  WaitingRuns& waiting = build->waiting.emplace_back();
-  waiting.runs.push_back({data.name, data.sha256});
-  waiting.misfit = std::move(fits[*worst]);
-  build->runs.erase(build->runs.begin() + worst->value());
-  DropUnusedModes(build);
-  if (!build->runs.empty()) RemoveUnconstrainedRuns(build);
+  LetWait(*worst, build).misfit = std::move(fits[*worst]);
   return true;
 }
 

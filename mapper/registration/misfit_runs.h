@@ -19,9 +19,11 @@ std::optional<JoinedFit> FitJoined(const MapperOptions& options,
                                    const BuildState& build,
                                    RunIndex run);
 
-/// Takes out the run that fits worst of those that do not fit, and what it leaves loose
-/// (RemoveUnconstrainedRuns). It waits (BuildState::waiting). Nothing is solved. Returns false if
-/// all fit.
+/// Takes out a run, and what it leaves loose (RemoveUnconstrainedRuns). It waits
+/// (BuildState::waiting). Nothing is solved.
+WaitingRuns& LetWait(RunIndex run, BuildState* build);
+
+/// Lets the run wait that fits worst of those that do not fit. Returns false if all fit.
 bool RemoveMisfitRun(const MapperOptions& options, BuildState* build);
 
 }  // namespace shiftmap

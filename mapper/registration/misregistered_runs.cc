@@ -4,16 +4,19 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <iterator>
 #include <map>
 #include <optional>
 #include <set>
 #include <utility>
 #include <vector>
 
+#include "mapper/alignment/explanation.h"
 #include "mapper/covariance/gauge.h"
 #include "mapper/frontend/frame_motions.h"
 #include "mapper/frontend/run_parts.h"
 #include "mapper/modes/mode_merging.h"
+#include "mapper/registration/misfit_runs.h"
 #include "mapper/registration/mode_match.h"
 #include "mapper/registration/run_map_alignment.h"
 #include "mapper/run_maps/run_map.h"
@@ -245,13 +248,11 @@ FitAmong FitRunAmong(const MapperOptions& options,
           2.0 * (cost - alone.cost) <= limit};
 }
 
-// The run with its poses where each landmark stands at the place of others that it is nearest to,
-// whatever that bends. What is not there then, to half of the distance that counts for parts that
-// may be turned, has moved.
-BuildRun PulledOnto(const MapperOptions& options,
-                    const BuildState& build,
-                    const Owners& others,
-                    const BuildRun& run) {
+// The run with each landmark at the place of others that it is nearest to, whatever that bends.
+BuildRun Pulled(const MapperOptions& options,
+                const BuildState& build,
+                const Owners& others,
+                const BuildRun& run) {
   BuildRun pulled = run;
   for (const VisitIndex v : run.assignment.indices()) {
     const MappingVisit& visit = run.data->visits[v];
@@ -262,9 +263,35 @@ BuildRun PulledOnto(const MapperOptions& options,
   BuildState alone = Among(options, build, others, pulled);
   PullTogether(options, &alone);
   pulled.poses = std::move(alone.runs.front().poses);
+  return pulled;
+}
+
+// The same. What is not there then, to half of the distance that counts for parts that may be
+// turned, has moved.
+BuildRun PulledOnto(const MapperOptions& options,
+                    const BuildState& build,
+                    const Owners& others,
+                    const BuildRun& run) {
+  BuildRun pulled = Pulled(options, build, others, run);
   pulled.assignment =
       MatchVisits(options, build, others, pulled, 0.5 * options.relocation.same_place_m);
   return pulled;
+}
+
+// The run with the landmarks that it has elsewhere where others have them, and those that it must
+// then have elsewhere not there: where both are pulled on, these give way.
+BuildRun Exchanged(const MapperOptions& options,
+                   const BuildState& build,
+                   const Owners& others,
+                   const std::set<GroupIndex>& elsewhere,
+                   const BuildRun& run) {
+  BuildRun exchanged = Pulled(options, build, others, run);
+  const auto there =
+      MatchVisits(options, build, others, exchanged, 0.25 * options.relocation.same_place_m);
+  for (const VisitIndex v : there.indices()) {
+    if (!elsewhere.contains(run.data->visits[v].group)) exchanged.assignment[v] = there[v];
+  }
+  return exchanged;
 }
 
 // A misregistered run where it costs less than where it is, or nothing.
@@ -298,7 +325,67 @@ std::optional<BuildRun> Relocate(const MapperOptions& options,
   return best;
 }
 
+// Groups of a run that are where others have them.
+std::vector<GroupIndex> StayedGroups(const Owners& others, const BuildRun& run) {
+  std::vector<GroupIndex> groups;
+  for (const auto& [group, mode] : ModesOf(run)) {
+    if (others[group][mode] > 0 && (groups.empty() || groups.back() != group)) {
+      groups.push_back(group);
+    }
+  }
+  return groups;
+}
+
+// A run of which the landmarks that seem to have moved may be those that stayed.
+struct UndecidedRun {
+  RunIndex run;
+  double excess = 0.0;  // Of the cost of that over the present one.
+  Explanations explanations;
+};
+
+std::optional<UndecidedRun> FindUndecided(const MapperOptions& options,
+                                          const BuildState& build,
+                                          const Owners& others,
+                                          RunIndex r) {
+  const BuildRun& run = build.runs[r];
+  const std::set<GroupIndex> elsewhere = AgreementOf(options.modes, run, others).elsewhere;
+  if (elsewhere.size() < kMinPartSignatures) return std::nullopt;
+  const BuildRun exchanged = Exchanged(options, build, others, elsewhere, run);
+  const double excess = FitRunAmong(options, build, others, exchanged).cost -
+                        FitRunAmong(options, build, others, run).cost;
+  if (excess >= kModeCost) return std::nullopt;
+  const std::vector<GroupIndex> stayed = StayedGroups(others, run);
+  const std::vector<GroupIndex> stayed_then = StayedGroups(others, exchanged);
+  std::vector<GroupIndex> groups;
+  std::set_union(stayed.begin(),
+                 stayed.end(),
+                 stayed_then.begin(),
+                 stayed_then.end(),
+                 std::back_inserter(groups));
+  const double probability = 1.0 / (1.0 + std::exp(-excess));
+  return UndecidedRun{
+      r,
+      excess,
+      DescribeFrames({DescribeFrame({{stayed, probability}}, stayed, groups),
+                      DescribeFrame({{stayed_then, 1.0 - probability}}, stayed_then, groups)})};
+}
+
 }  // namespace
+
+bool RemoveUndecidedRun(const MapperOptions& options, BuildState* build) {
+  Owners owners = NoOwners(*build);
+  for (const BuildRun& run : build->runs) AddOwner(run, 1, &owners);
+  std::optional<UndecidedRun> worst;
+  for (const RunIndex r : build->runs.indices()) {
+    AddOwner(build->runs[r], -1, &owners);
+    std::optional<UndecidedRun> found = FindUndecided(options, *build, owners, r);
+    if (found && (!worst || found->excess <= worst->excess)) worst = std::move(found);
+    AddOwner(build->runs[r], 1, &owners);
+  }
+  if (!worst) return false;
+  LetWait(worst->run, build).explanations = std::move(worst->explanations);
+  return true;
+}
 
 int RelocateMisregisteredRuns(const MapperOptions& options,
                               BuildState* build,

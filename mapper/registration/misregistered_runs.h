@@ -20,4 +20,9 @@ int RelocateMisregisteredRuns(const MapperOptions& options,
                               BuildState* build,
                               const StepCallback& on_step = {});
 
+/// Takes out a run of which some landmarks are known elsewhere, and that others of its landmarks
+/// moved instead is about as likely: half of a hall, which nothing else holds. Of several the least
+/// decided. It waits (LetWait). Nothing is solved. Returns false if all are decided.
+bool RemoveUndecidedRun(const MapperOptions& options, BuildState* build);
+
 }  // namespace shiftmap

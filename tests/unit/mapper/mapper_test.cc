@@ -200,6 +200,32 @@ TEST(BuildMap, TwoPlacesFarFromEachOtherHaveSecondModesOfWhatMoved) {
   }
 }
 
+// Nothing but the landmarks of a hall tells where it is: of four and four, which moved is not told.
+TEST(BuildMap, WhichHalfOfAFarPlaceMovedIsDecidedByTheLargerOne) {
+  for (const int moved : {3, 4}) {
+    int wrong = 0;
+    int waiting = 0;
+    for (std::uint64_t seed = 1; seed <= 8; ++seed) {
+      const SimulatedWorld world =
+          testing::TwoHalls(seed, 3, {.noise_v = 0.02, .noise_omega = 0.005}, moved);
+      const MapperResult result = Build(testing::Inputs(world));
+      if (result.runs.size() < world.runs.size()) {
+        ++waiting;
+        continue;
+      }
+      wrong += std::any_of(result.content.groups.begin(),
+                           result.content.groups.end(),
+                           [&](const LandmarkGroup& group) {
+                             const auto i = &group - result.content.groups.data();
+                             return group.modes.size() !=
+                                    world.groups[static_cast<std::size_t>(i)].modes.size();
+                           });
+    }
+    EXPECT_LE(wrong, moved == 3 ? 0 : 1);
+    EXPECT_LE(waiting, moved == 3 ? 1 : 8);
+  }
+}
+
 // Also if it is the run that sees most landmarks, with which the map would begin.
 // The oracle: the map without the run.
 TEST(BuildMap, ARunOfABrokenOdometerIsLeftOut) {
