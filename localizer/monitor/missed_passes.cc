@@ -36,6 +36,7 @@ MissedPasses::MissedPasses(const MapSnapshot& snapshot) {
   std::size_t modes = 0;
   for (const LandmarkGroup& group : snapshot.groups()) modes += group.modes.size();
   misses_.resize(modes);
+  stood_.resize(snapshot.groups().size());
 }
 
 std::vector<int> MissedPasses::Add(const Scan& scan,
@@ -47,11 +48,13 @@ std::vector<int> MissedPasses::Add(const Scan& scan,
   const Se2& T_map_vehicle = bank.best().filter.T_map_vehicle();
   const Se2 T_vehicle_map = T_map_vehicle.Inverse();
   for (const Visit& visit : bank.visits()) {
+    const auto group = static_cast<std::size_t>(visit.group);
+    if (visit.decided.value_or(0) != 0) stood_[group] = true;
     if (visit.seen) {
       Seen(visit.group, scan.stamp, snapshot);
       continue;
     }
-    const auto& modes = snapshot.groups()[static_cast<std::size_t>(visit.group)].modes;
+    const auto& modes = snapshot.groups()[group].modes;
     bool complete = false;
     for (std::size_t i = 0; i < modes.size(); ++i) {
       const Eigen::Vector2d& p = modes[i].p_map_landmark;
@@ -59,8 +62,8 @@ std::vector<int> MissedPasses::Add(const Scan& scan,
       Misses& misses = Of(visit.group, static_cast<int>(i) + 1, snapshot);
       complete |= Missed(p - T_map_vehicle.translation(), log_miss, scan.stamp, &misses);
     }
-    if (complete && !HeldAbsent(visit.group, snapshot) &&
-        NoOtherIsLikely(visit.group, bank, snapshot)) {
+    const bool known = HeldAbsent(visit.group, snapshot) && !stood_[group];
+    if (complete && !known && NoOtherIsLikely(visit.group, bank, snapshot)) {
       gone.push_back(visit.group);
     }
   }
@@ -121,6 +124,9 @@ bool MissedPasses::NoOtherIsLikely(int group,
   return true;
 }
 
-void MissedPasses::Reset() { std::fill(misses_.begin(), misses_.end(), Misses()); }
+void MissedPasses::Reset() {
+  std::fill(misses_.begin(), misses_.end(), Misses());
+  stood_.assign(stood_.size(), false);
+}
 
 }  // namespace shiftmap

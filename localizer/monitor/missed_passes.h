@@ -14,7 +14,8 @@ namespace shiftmap {
 /// probability ε (`occluded_visit_probability`) something stands before it, for the whole pass.
 /// Three passes make ε³. And what is seen from one side only, as a sign on a wall, is missed from
 /// behind in every pass; so the directions that the mode was missed from must leave no gap of half
-/// a circle. Once seen, a landmark starts again. One that the map holds for absent is no news.
+/// a circle. Once seen, a landmark starts again. One that the map holds for absent is no news,
+/// unless it was decided to stand at a mode.
 ///
 /// Memory: as much as its constructor takes.
 class MissedPasses {
@@ -53,6 +54,7 @@ class MissedPasses {
   bool NoOtherIsLikely(int group, const HypothesisBank& bank, const MapSnapshot& snapshot);
 
   std::vector<Misses> misses_;  // By ModeIndex().
+  std::vector<bool> stood_;     // By group: decided to stand at a mode.
 };
 
 }  // namespace shiftmap

@@ -34,9 +34,11 @@ class MissedPassesTest : public ::testing::Test {
   // How often the landmark is found gone over passes from these directions, and is seen once, by
   // chance, in pass `seen`.
   // @param wall_m  How far a lidar sees in every direction; nothing: there is none.
+  // @param stands  The pass in which it is back, and seen all the time.
   int Gone(const std::vector<double>& directions_rad,
            int seen = -1,
-           std::optional<float> wall_m = std::nullopt) {
+           std::optional<float> wall_m = std::nullopt,
+           int stands = -1) {
     LidarView lidar;
     lidar.counts = wall_m.has_value();
     lidar.scan.ranges_m.assign(181, wall_m.value_or(0.0f));
@@ -52,7 +54,7 @@ class MissedPassesTest : public ::testing::Test {
       for (double end = t + kPassS; t < end; t += kScanS) {
         Scan scan;
         scan.stamp = StampFromSeconds(1000.0 + t);
-        if (static_cast<int>(pass) == seen && scan.observations.empty() && t + 1.0 > end) {
+        if ((static_cast<int>(pass) == seen && t + 1.0 > end) || static_cast<int>(pass) == stands) {
           Observation observation;
           observation.signature = content_.groups[0].signature;
           observation.z = {3.0, 0.0};
@@ -80,6 +82,13 @@ TEST_F(MissedPassesTest, ALandmarkMissedInThreePassesFromAllAroundIsGone) {
 TEST_F(MissedPassesTest, WhatTheMapHoldsForAbsentIsNoNews) {
   content_.groups[0].probabilities = Eigen::Vector2d(0.95, 0.05);
   EXPECT_EQ(Gone({0.1, 0.1 + kThird, 0.1 + 2.0 * kThird, 0.1}), 0);
+}
+
+TEST_F(MissedPassesTest, WhatCameBackAndWentAgainIsNews) {
+  content_.groups[0].probabilities = Eigen::Vector2d(0.95, 0.05);
+  const std::vector<double> directions = {0.1, 0.1, 0.1 + kThird, 0.1 + 2.0 * kThird};
+  EXPECT_EQ(Gone(directions, -1, std::nullopt, 0), 1);
+  EXPECT_EQ(Gone(directions, 0), 0);  // One sighting may be misread.
 }
 
 TEST_F(MissedPassesTest, ASignMissedFromBehindIsNot) {
