@@ -114,10 +114,10 @@ Status Service::WriteReport() {
   return OkStatus();
 }
 
-// The pose of a moving vehicle says nothing of where the next shift begins.
+// The pose of a vehicle that may move says nothing of where the next shift begins.
 void Service::SavePose() {
-  if (shift_->Moves()) {
-    options_.warn("the vehicle moves, its pose was not saved");
+  if (!shift_->Stands()) {
+    options_.warn("odometry does not say that the vehicle stands, its pose was not saved");
     return;
   }
   const bool trusted = time_line_.verdict() == TimeLine::kAgrees;

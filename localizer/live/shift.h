@@ -65,9 +65,6 @@ class Shift {
   /// Odometry has said for half a second that the vehicle stands.
   bool Stands() const;
 
-  /// The last odometry says that it drives.
-  bool Moves() const { return last_sample_ && !standing_since_; }
-
   const ShiftHeader& header() const { return header_; }
   const Localizer& localizer() const { return localizer_; }
   Stamp now() const { return now_; }

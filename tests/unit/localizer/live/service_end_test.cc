@@ -78,11 +78,23 @@ class ServiceEndTest : public ServiceTest {
     return count;
   }
 
-  // The shift's last odometry is of a vehicle that stands.
+  // The shift's last second of odometry is of a vehicle that stands.
   void Park() {
     OdometrySample standing;
     standing.stamp = StampOf(items_.back());
-    items_.emplace_back(standing);
+    for (int i = 0; i < 20; ++i, standing.stamp += std::chrono::milliseconds(50)) {
+      items_.emplace_back(standing);
+    }
+  }
+
+  // Scans in which nothing is seen go on after the last odometry.
+  void SilenceOdometry() {
+    Scan scan;
+    scan.stamp = StampOf(items_.back());
+    for (int i = 0; i < 20; ++i) {
+      scan.stamp += std::chrono::milliseconds(250);
+      items_.emplace_back(scan);
+    }
   }
 
   bool Told(LocalizerState state) const {
@@ -150,6 +162,19 @@ TEST_F(ServiceEndTest, ThePoseOfAVehicleThatDrivesIsNotSaved) {
     EXPECT_THAT(service.Shutdown(), IsOk());
     EXPECT_EQ(std::filesystem::exists(folder_.File("state") + "/pose"), parked);
   }
+}
+
+// Whoever stood when odometry fell silent may have driven on.
+TEST_F(ServiceEndTest, ThePoseOfAVehicleWhoseOdometryIsSilentIsNotSaved) {
+  Service service = OpenedWithClocks();
+  ASSERT_THAT(Do(&service, Start()), IsOk());
+  Park();
+  SilenceOdometry();
+  EXPECT_EQ(FeedAtPace(&service, 0, items_.size(), kNone, kNone), 0);
+  EXPECT_THAT(service.Shutdown(), IsOk());
+  ASSERT_EQ(warnings_.size(), 1u);
+  EXPECT_NE(warnings_[0].find("stands"), std::string::npos) << warnings_[0];
+  EXPECT_FALSE(std::filesystem::exists(folder_.File("state") + "/pose"));
 }
 
 TEST_F(ServiceEndTest, NamesThatNoReportCarriesAreRefused) {
