@@ -340,15 +340,15 @@ void Localizer::JudgeOutcomes(const Scan& scan, const BankEvents& events) {
 }
 
 void Localizer::FindRival(Stamp stamp) {
-  const auto other = FindWrongPose({bank_->best().filter.Pose(), stamp, recent_, health_},
+  const auto fault = FindWrongPose({bank_->best().filter.Pose(), stamp, recent_, health_},
                                    snapshot_,
                                    bank_->field_of_view(),
                                    options_.global_start);
-  if (!other) return;
-  if (other->certain) {
-    health_.DeclareLost(other->since);
+  if (!fault) return;
+  if (fault->rival) {
+    Consider(*fault->rival, fault->since);
   } else {
-    Consider(other->pose, other->since);
+    health_.DeclareLost(fault->since);
   }
 }
 

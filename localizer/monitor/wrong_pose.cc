@@ -3,6 +3,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
+#include <map>
 #include <vector>
 
 #include "localizer/initialization/start_pose.h"
@@ -22,6 +24,34 @@ constexpr double kMissed = 3.0;
 
 // Landmarks that another pose must explain more: two fit some pose or other, always.
 constexpr int kMinGain = 3;
+
+// Sightings of a landmark that tell whether it stands, and landmarks that do not: one may be moved.
+constexpr int kMinSightings = 3;
+constexpr int kMinAdrift = 2;
+
+// Whether most landmarks do not stand by dead reckoning: at no place is half of their sightings.
+bool ContradictsOdometry(const std::vector<WindowScan>& window,
+                         const MapSnapshot& snapshot,
+                         int min_adrift) {
+  struct Sightings {
+    int all = 0;
+    int at_one_place = 0;
+  };
+  std::map<int, Sightings> by_group;
+  for (const SightingCluster& cluster :
+       ClusterSightings(window, snapshot, std::numeric_limits<int>::max())) {
+    Sightings& sightings = by_group[cluster.group];
+    sightings.all += cluster.count;
+    sightings.at_one_place = std::max(sightings.at_one_place, cluster.count);
+  }
+  int standing = 0;
+  int adrift = 0;
+  for (const auto& [group, sightings] : by_group) {
+    if (sightings.all < kMinSightings) continue;
+    ++(2 * sightings.at_one_place < sightings.all ? adrift : standing);
+  }
+  return adrift >= min_adrift && adrift > standing;
+}
 
 // Landmarks that one who is at `pose` after the last scan would have seen and did not, by where
 // they were most likely when the map was built.
@@ -54,7 +84,7 @@ int CountMissed(const Se2& pose,
 
 }  // namespace
 
-std::optional<OtherPose> FindWrongPose(const PresentPose& present,
+std::optional<PoseFault> FindWrongPose(const PresentPose& present,
                                        const MapSnapshot& snapshot,
                                        const FieldOfView& field_of_view,
                                        const GlobalStartOptions& options) {
@@ -63,11 +93,16 @@ std::optional<OtherPose> FindWrongPose(const PresentPose& present,
     const PoseSupport support = present.health.Support(since, -1);
     // Then nothing fails in the shorter ones either.
     if (support.failing == 0) return std::nullopt;
+    if (support.failing < support.agreeing) continue;
+    const std::vector<WindowScan> window = present.recent.Since(since);
+    if (window.empty()) continue;
+    const bool nothing_agrees = window_s == kWindowsS[0] && support.agreeing == 0;
+    if (ContradictsOdometry(window, snapshot, nothing_agrees ? 1 : kMinAdrift)) {
+      return PoseFault{since, std::nullopt};
+    }
     if (!support.Doubts()) continue;
     // Landmarks that never agreed may be all that is in view: then it takes the longest.
     if (support.turned < kMinTurned && window_s < kWindowsS[0]) continue;
-    const std::vector<WindowScan> window = present.recent.Since(since);
-    if (window.empty()) continue;
     const auto other = FindGlobalStart(window, snapshot, options);
     if (!other || other->explained < support.agreeing + kMinGain) continue;
     const PoseWithCovariance there = PoseAtEnd(*other, window);
@@ -75,9 +110,9 @@ std::optional<OtherPose> FindWrongPose(const PresentPose& present,
     const auto missed_at = [&](const PoseWithCovariance& at) {
       return CountMissed(at.T_map_vehicle, window, snapshot, field_of_view);
     };
-    const bool turned = support.turned >= kMinTurned;
-    if (turned || missed_at(there) < missed_at(present.pose))
-      return OtherPose{since, there, turned};
+    // What had agreed fails now: the pose has gone wrong.
+    if (support.turned >= kMinTurned) return PoseFault{since, std::nullopt};
+    if (missed_at(there) < missed_at(present.pose)) return PoseFault{since, there};
   }
   return std::nullopt;
 }

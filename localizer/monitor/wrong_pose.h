@@ -17,17 +17,21 @@ struct PresentPose {
   const HealthMonitor& health;
 };
 
-/// Another pose that explains what fails.
-struct OtherPose {
-  Stamp since;              ///< Begin of the window in which the present one failed.
-  PoseWithCovariance pose;  ///< At its end.
+/// What speaks against a pose.
+struct PoseFault {
+  Stamp since;  ///< Begin of the window in which the pose failed.
 
-  /// What had agreed with the present pose fails now, so that it has gone wrong. Otherwise as many
-  /// landmarks may have moved as one.
-  bool certain = false;
+  /// Another pose at its end that explains what fails, as it may if the landmarks moved as one.
+  /// Nothing: the pose is wrong.
+  std::optional<PoseWithCovariance> rival;
 };
 
-/// Finds out that the vehicle is elsewhere: that one other pose explains what fails.
+/// Finds out that the vehicle is elsewhere: that odometry is wrong, or that one other pose explains
+/// what fails.
+///
+/// Landmarks stand while they are in view, wherever that is. So where most do not stand by dead
+/// reckoning, odometry is wrong, and with it the pose that at least half of them contradict. A
+/// single one in view, which may be carried, says so too: nothing else holds the pose.
 ///
 /// Two causes are weighed for the landmarks that fail. If they moved, each did so by itself, and no
 /// pose fits more than two of them but by chance. If the pose is wrong, one motion puts all of them
@@ -43,7 +47,7 @@ struct OtherPose {
 /// seen before the pose went wrong, and without odometry that may be what is wrong.
 /// @param field_of_view  The vehicle's.
 /// @return Nothing if nothing speaks against the pose.
-std::optional<OtherPose> FindWrongPose(const PresentPose& present,
+std::optional<PoseFault> FindWrongPose(const PresentPose& present,
                                        const MapSnapshot& snapshot,
                                        const FieldOfView& field_of_view,
                                        const GlobalStartOptions& options);

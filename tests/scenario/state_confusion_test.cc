@@ -4,7 +4,9 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
+#include <map>
 #include <string>
+#include <variant>
 #include <vector>
 
 #include "localizer/localizer.h"
@@ -115,6 +117,56 @@ TEST(InnovationQualityOfShifts, IsUniformWhereNothingIsAmiss) {
   }
   // Kolmogorov-Smirnov, level 0.001.
   EXPECT_LT(distance, 1.95 / std::sqrt(static_cast<double>(kShifts)));
+}
+
+// How long poses were trusted, and of that how long with an error beyond a metre and five standard
+// deviations.
+struct Trust {
+  double trusted_s = 0.0;
+  double wrong_s = 0.0;
+};
+
+void AddTrust(const CausedShift& shift, const std::vector<RunEvent>& events, Trust* trust) {
+  std::map<Stamp, Se2> truth;
+  auto pose = shift.T_map_vehicle.begin();
+  for (const RunEvent& event : shift.events) {
+    if (std::holds_alternative<Scan>(event)) truth[StampOf(event)] = *pose++;
+  }
+  LocalizerOptions options;
+  options.initial_pose = shift.start;
+  Localizer localizer(MapSnapshot("area", VersionNumber(1), "hash", shift.content), options);
+  for (const RunEvent& event : events) {
+    ASSERT_TRUE(localizer.Process(event).ok());
+    if (!std::holds_alternative<Scan>(event) || localizer.state() == LocalizerState::kLost)
+      continue;
+    constexpr double kScanS = 0.25;
+    const PoseWithCovariance stated = localizer.Estimate()->pose;
+    const double sd_m = std::sqrt(stated.cov_T_map_vehicle.topLeftCorner<2, 2>().trace());
+    const double error_m =
+        (stated.T_map_vehicle.translation() - truth.at(StampOf(event)).translation()).norm();
+    trust->trusted_s += kScanS;
+    if (error_m > 1.0 && error_m > 5.0 * sd_m) trust->wrong_s += kScanS;
+  }
+}
+
+double SecondsIn(const RunEvent& event, const CausedShift& shift) {
+  return ToSeconds(StampOf(event) - StampOf(shift.events.front()));
+}
+
+TEST(TrustOfShifts, ATurnRateThatIsMissingIsFoundOut) {
+  constexpr int kShifts = 40;
+  Trust trust;
+  for (std::uint64_t seed = 8001; seed < 8001 + kShifts; ++seed) {
+    const CausedShift shift = DrawShift(ShiftCause::kNothing, seed);
+    std::vector<RunEvent> events = shift.events;
+    for (RunEvent& event : events) {
+      auto* sample = std::get_if<OdometrySample>(&event);
+      if (sample != nullptr && SecondsIn(event, shift) > 25.0) sample->omega_radps = 0.0;
+    }
+    AddTrust(shift, events, &trust);
+  }
+  EXPECT_GT(trust.trusted_s, kShifts * 60.0);
+  EXPECT_LT(trust.wrong_s, 0.015 * trust.trusted_s);
 }
 
 TEST(StatesOfShifts, EachChangeHasItsEvidence) {

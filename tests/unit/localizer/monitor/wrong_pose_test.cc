@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// A standing vehicle sees eight landmarks for three seconds. Where they stand, and where the
-// vehicle takes itself to be, differs by test.
+// A vehicle sees up to eight landmarks for three seconds. Where they stand, where the vehicle takes
+// itself to be, and how it moves, differs by test.
 #include "localizer/monitor/wrong_pose.h"
 
 #include <gtest/gtest.h>
@@ -45,34 +45,46 @@ MapContent Map(std::uint64_t seed) {
   return content;
 }
 
-// What the monitors hold after three seconds of landmarks that stand at `truth` in the vehicle
-// frame.
+// How the vehicle moves from scan to scan, and what odometry makes of it.
+struct Motion {
+  Se2 step;
+  Se2 by_odometry;
+};
+
+// What the monitors hold after three seconds of landmarks that stand at `truth` in the frame of the
+// vehicle at the begin.
 struct Seen {
   Seen(const MapContent& content,
        const std::vector<Eigen::Vector2d>& truth,
        int agreeing,
-       bool turned)
+       bool turned,
+       int in_view = kSeen,
+       const Motion& motion = {})
       : health(content.groups.size()) {
+    Se2 T_begin_vehicle;
     // Before, the pose was right.
     for (int group = 0; turned && group < kSeen; ++group) health.Add(At(-1.0), group, true, 2.0);
     for (double t = 0.0; t <= 3.0; t += kScanS) {
       WindowScan step;
       step.scan.stamp = At(t);
       step.motion.elapsed_s = kScanS;
-      for (int group = 0; group < kSeen; ++group) {
-        const auto i = static_cast<std::size_t>(group);
+      step.motion.increment.T_begin_end = motion.by_odometry;
+      for (int group = 0; group < in_view; ++group) {
+        const Eigen::Vector2d q =
+            T_begin_vehicle.Inverse() * truth[static_cast<std::size_t>(group)];
         Observation observation;
-        observation.signature = content.groups[i].signature;
-        observation.z = {truth[i].norm(), std::atan2(truth[i].y(), truth[i].x())};
+        observation.signature = content.groups[static_cast<std::size_t>(group)].signature;
+        observation.z = {q.norm(), std::atan2(q.y(), q.x())};
         step.scan.observations.push_back(observation);
         const bool agrees = group < agreeing;
         health.Add(At(t), group, agrees, agrees ? std::optional(2.0) : std::nullopt);
       }
       recent.Add(step);
+      T_begin_vehicle = T_begin_vehicle * motion.step;
     }
   }
 
-  std::optional<OtherPose> Other(const MapContent& content, const Se2& pose) const {
+  std::optional<PoseFault> Fault(const MapContent& content, const Se2& pose) const {
     const FieldOfView sector(content.calibration.sensor, {});
     return FindWrongPose({SureOf(pose), At(3.0), recent, health}, Snapshot(content), sector, {});
   }
@@ -88,22 +100,22 @@ std::vector<Eigen::Vector2d> InPlace(const MapContent& content) {
 TEST(WrongPose, OneMotionThatPutsAllBackIsFound) {
   const MapContent content = Map(1);
   const Seen seen(content, InPlace(content), 0, true);
-  const auto other = seen.Other(content, Se2(1.5, -1.0, 0.3));
-  ASSERT_TRUE(other);
-  EXPECT_TRUE(other->certain);
-  EXPECT_TRUE(seen.Other(content, Se2(0.0, 0.0, 0.5)));
+  const auto fault = seen.Fault(content, Se2(1.5, -1.0, 0.3));
+  ASSERT_TRUE(fault);
+  EXPECT_FALSE(fault->rival);
+  EXPECT_TRUE(seen.Fault(content, Se2(0.0, 0.0, 0.5)));
 }
 
 TEST(WrongPose, ThePoseThatExplainsAllIsNotWrong) {
   const MapContent content = Map(1);
   const Seen seen(content, InPlace(content), 0, true);
-  EXPECT_FALSE(seen.Other(content, Se2(0.05, -0.05, 0.01)));
+  EXPECT_FALSE(seen.Fault(content, Se2(0.05, -0.05, 0.01)));
 }
 
 TEST(WrongPose, AsLongAsOthersAgreeThePoseMayBeRight) {
   const MapContent content = Map(1);
   const Seen seen(content, InPlace(content), 4, true);
-  EXPECT_FALSE(seen.Other(content, Se2(1.5, -1.0, 0.3)));
+  EXPECT_FALSE(seen.Fault(content, Se2(1.5, -1.0, 0.3)));
 }
 
 // All eight at once, and none that agrees: by chance some motion fits three of them.
@@ -121,7 +133,7 @@ TEST(WrongPose, LandmarksThatMovedEachByItselfAreNotExplainedByOne) {
       p += moved;
     }
     const Seen seen(content, truth, 0, true);
-    wrong += seen.Other(content, Se2()).has_value();
+    wrong += seen.Fault(content, Se2()).has_value();
   }
   EXPECT_LE(wrong, kWorlds / 10);
 }
@@ -132,13 +144,33 @@ TEST(WrongPose, WhatIsMissedTellsARackThatMovedFromAVehicleThatWasCarried) {
   std::vector<Eigen::Vector2d> truth = InPlace(content);
   for (Eigen::Vector2d& p : truth) p = rack * p;
   const Seen moved(content, truth, 0, false);
-  EXPECT_FALSE(moved.Other(content, Se2()));
+  EXPECT_FALSE(moved.Fault(content, Se2()));
 
   // Carried from where it looked at the others, which are missed now.
   const Seen carried(content, InPlace(content), 0, false);
-  const auto other = carried.Other(content, Se2(0.0, 0.0, M_PI));
-  ASSERT_TRUE(other);
-  EXPECT_FALSE(other->certain);
+  const auto fault = carried.Fault(content, Se2(0.0, 0.0, M_PI));
+  ASSERT_TRUE(fault);
+  EXPECT_TRUE(fault->rival);
+}
+
+// Landmarks at places that no pose explains turn about the vehicle: it turns, or all of them drive.
+TEST(WrongPose, OdometryIsWrongWhereNoLandmarkStandsByIt) {
+  const MapContent content = Map(1);
+  std::vector<Eigen::Vector2d> moved = InPlace(content);
+  std::mt19937_64 random(7);
+  std::uniform_real_distribution<double> offset(-2.0, 2.0);
+  for (Eigen::Vector2d& p : moved) p += Eigen::Vector2d(offset(random), offset(random));
+  const Se2 turn(0.0, 0.0, 0.5 * kScanS);
+  for (const int in_view : {1, 2, 3}) {
+    const auto fault = Seen(content, moved, 0, false, in_view, {turn, Se2()}).Fault(content, Se2());
+    EXPECT_TRUE(fault && !fault->rival) << in_view;
+    EXPECT_FALSE(Seen(content, moved, 0, false, in_view, {turn, turn}).Fault(content, Se2()));
+    EXPECT_FALSE(Seen(content, moved, 0, false, in_view, {}).Fault(content, Se2()));
+  }
+  // One of two may be carried.
+  Seen carried(content, moved, 0, false, 1, {turn, Se2()});
+  carried.health.Add(At(3.0), 1, true, 2.0);
+  EXPECT_FALSE(carried.Fault(content, Se2()));
 }
 
 }  // namespace
