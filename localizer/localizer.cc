@@ -52,15 +52,23 @@ std::string Describe(const Observation& observation, Stamp stamp) {
                      observation.cov_z ? ", or its covariance" : "");
 }
 
-// Nobody knows where the vehicle looks, or odometry is silent and nobody will soon; or nobody knows
-// which landmarks are in its reach.
-bool IsUnlocalized(const OdometryBuffer::Motion& motion,
-                   const PoseWithCovariance& pose,
-                   const SensorCalibration& sensor) {
+// Nobody knows where the vehicle looks, or odometry is silent and nobody will soon.
+bool HasNoHeading(const OdometryBuffer::Motion& motion, const PoseWithCovariance& pose) {
   const double limit = motion.silent_s > 0.0 ? kMaxYawSd : kNoYawSd;
+  return pose.cov_T_map_vehicle(2, 2) > limit * limit;
+}
+
+// Nobody knows which landmarks are in reach: what is seen then may agree with any pose.
+bool HasNoPlace(const PoseWithCovariance& pose, const SensorCalibration& sensor) {
+  return pose.cov_T_map_vehicle.topLeftCorner<2, 2>().trace() >
+             sensor.max_range_m * sensor.max_range_m ||
+         IsNowhere(pose);
+}
+
+// In the direction in which it is largest. [m²]
+double PositionVariance(const PoseWithCovariance& pose) {
   const Eigen::Matrix3d& cov = pose.cov_T_map_vehicle;
-  return cov(2, 2) > limit * limit ||
-         cov(0, 0) + cov(1, 1) > sensor.max_range_m * sensor.max_range_m;
+  return 0.5 * (cov(0, 0) + cov(1, 1)) + std::hypot(0.5 * (cov(0, 0) - cov(1, 1)), cov(0, 1));
 }
 
 bool AtTwoPlaces(const Observation& a, const Observation& b, const SensorCalibration& sensor) {
@@ -280,19 +288,22 @@ void Localizer::TakeUsableObservations(const Scan& scan) {
 void Localizer::Step(const WindowScan& step) {
   recent_.Add(step);
   bank_->Predict(step.motion.increment, step.motion.elapsed_s);
-  const bool was_nowhere = IsNowhere(bank_->best().filter.Pose());
+  const SensorCalibration& sensor = snapshot_.calibration().sensor;
+  const bool had_no_place = HasNoPlace(bank_->best().filter.Pose(), sensor);
   const BankEvents& events = bank_->Correct(step.scan, &step.lidar);
   scan_stamp_ = step.scan.stamp;
 
   JudgeOutcomes(step.scan, events);
-  const PoseWithCovariance pose = bank_->best().filter.Pose();
-  const bool unlocalized = was_nowhere || IsNowhere(pose) ||
-                           IsUnlocalized(step.motion, pose, snapshot_.calibration().sensor);
+  const PoseWithCovariance best = bank_->best().filter.Pose();
+  const PoseWithCovariance pose = bank_->Pose();
+  vague_ = PositionVariance(pose) > options_.max_position_sd_m * options_.max_position_sd_m;
+  const bool unlocalized =
+      had_no_place || HasNoPlace(best, sensor) || HasNoHeading(step.motion, best);
   if (!health_.lost() && unlocalized) {
     health_.DeclareLost(step.scan.stamp);
     DistrustPose(health_.failing_since());
   }
-  if (pose.cov_T_map_vehicle(2, 2) <= kMaxYawSd * kMaxYawSd) in_gap_ = false;
+  if (best.cov_T_map_vehicle(2, 2) <= kMaxYawSd * kMaxYawSd) in_gap_ = false;
   JudgeMisses(step.scan, events);
   JudgeDecisions(events, step.scan.stamp);
   evidence_.insert(evidence_.end(), events.evidence.begin(), events.evidence.end());
@@ -300,7 +311,7 @@ void Localizer::Step(const WindowScan& step) {
   // A restart replays scans that have had their estimate.
   if (!newest_estimate_ || step.scan.stamp > *newest_estimate_) {
     newest_estimate_ = step.scan.stamp;
-    new_estimates_.push_back({step.scan.stamp, bank_->Pose(), quality_.p_value()});
+    new_estimates_.push_back({step.scan.stamp, pose, quality_.p_value()});
     for (const ObservationOutcome& outcome : events.outcomes) {
       new_innovations_.push_back({step.scan.stamp, outcome});
     }
@@ -543,7 +554,7 @@ Eigen::VectorXd Localizer::Probabilities(int group) const {
 
 LocalizerState Localizer::JudgeState() const {
   if (!bank_) return LocalizerState::kInitializing;
-  if (health_.lost() || rival_ || in_gap_) return LocalizerState::kLost;
+  if (health_.lost() || rival_ || in_gap_ || vague_) return LocalizerState::kLost;
   const Duration hold = FromSeconds(options_.state_hold_s);
   const auto recent = [&](const std::optional<StateEvidence>& cause) {
     return cause && now_ - cause->stamp <= hold;

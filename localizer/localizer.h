@@ -208,6 +208,7 @@ class Localizer {
   Stamp now_;                   // Of the last event.
   Stamp heard_;                 // Of the last odometry or scan.
   bool in_gap_ = false;         // Until a scan tells the heading again.
+  bool vague_ = false;          // The pose, beyond LocalizerOptions::max_position_sd_m.
   Stamp scan_stamp_;            // Of the last scan.
   Stamp confirmed_;             // The pose, last; else its start.
   std::optional<RivalPose> rival_;

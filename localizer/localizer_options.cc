@@ -39,6 +39,8 @@ Status LocalizerOptions::Validate() const {
   SHIFTMAP_RETURN_IF_ERROR(CheckRange("found_share", health.found_share, health.lost_share, 1.0));
   SHIFTMAP_RETURN_IF_ERROR(CheckAtLeast("min_pairs", health.min_pairs, 1));
   SHIFTMAP_RETURN_IF_ERROR(CheckRange("min_pair_share", health.min_pair_share, 0.0, 1.0));
+  SHIFTMAP_RETURN_IF_ERROR(
+      CheckRange("max_position_sd_m", max_position_sd_m, 0.0, kMaxStartPositionSdM));
   SHIFTMAP_RETURN_IF_ERROR(CheckRange("state_hold_s", state_hold_s, 0.0, kSecondsPerDay));
   SHIFTMAP_RETURN_IF_ERROR(CheckAtLeast("min_sightings", min_sightings, 1));
   SHIFTMAP_RETURN_IF_ERROR(CheckAtLeast("max_places", max_places, 1));

@@ -124,6 +124,7 @@ TEST(InnovationQualityOfShifts, IsUniformWhereNothingIsAmiss) {
 struct Trust {
   double trusted_s = 0.0;
   double wrong_s = 0.0;
+  double vaguest_m = 0.0;  // Standard deviation of the position.
 };
 
 void AddTrust(const CausedShift& shift, const std::vector<RunEvent>& events, Trust* trust) {
@@ -146,6 +147,7 @@ void AddTrust(const CausedShift& shift, const std::vector<RunEvent>& events, Tru
         (stated.T_map_vehicle.translation() - truth.at(StampOf(event)).translation()).norm();
     trust->trusted_s += kScanS;
     if (error_m > 1.0 && error_m > 5.0 * sd_m) trust->wrong_s += kScanS;
+    trust->vaguest_m = std::max(trust->vaguest_m, sd_m);
   }
 }
 
@@ -167,6 +169,21 @@ TEST(TrustOfShifts, ATurnRateThatIsMissingIsFoundOut) {
   }
   EXPECT_GT(trust.trusted_s, kShifts * 60.0);
   EXPECT_LT(trust.wrong_s, 0.015 * trust.trusted_s);
+}
+
+TEST(TrustOfShifts, APoseAsVagueAsAfterAGapIsNotTrusted) {
+  Trust trust;
+  for (std::uint64_t seed = 7001; seed <= 7060; ++seed) {
+    const CausedShift shift = DrawShift(ShiftCause::kNothing, seed);
+    std::vector<RunEvent> events = shift.events;
+    std::erase_if(events, [&](const RunEvent& event) {
+      return SecondsIn(event, shift) > 30.0 && SecondsIn(event, shift) < 60.0;
+    });
+    AddTrust(shift, events, &trust);
+  }
+  EXPECT_LT(trust.wrong_s, 0.001 * trust.trusted_s);
+  // In no direction more than LocalizerOptions::max_position_sd_m.
+  EXPECT_LE(trust.vaguest_m, std::sqrt(2.0) * LocalizerOptions().max_position_sd_m);
 }
 
 TEST(StatesOfShifts, EachChangeHasItsEvidence) {

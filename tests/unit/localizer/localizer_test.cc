@@ -525,6 +525,9 @@ TEST(LocalizerOptions, NamesWhatIsOutOfRange) {
   options.limits.max_speed_mps = 1e10;
   EXPECT_NE(Message(options.Validate()).find("max_speed_mps"), std::string::npos);
   options = {};
+  options.max_position_sd_m = 0.0;
+  EXPECT_NE(Message(options.Validate()).find("max_position_sd_m"), std::string::npos);
+  options = {};
   options.max_places = 0;
   EXPECT_NE(Message(options.Validate()).find("max_places"), std::string::npos);
 }
