@@ -514,11 +514,20 @@ void Localizer::StartAt(const PoseWithCovariance& pose, std::size_t first) {
   ForgetOutcomes();
   recent_.Clear();
   const std::deque<WindowScan> replayed = std::exchange(window_, {});
+  TakeBackEstimate(replayed.back().scan.stamp);
   for (std::size_t i = first; i < replayed.size(); ++i) {
     WindowScan step = replayed[i];
     if (i == first) step.motion = {};
     Step(step);
   }
+}
+
+// That of a scan which finds another pose: it is told by that one.
+void Localizer::TakeBackEstimate(Stamp stamp) {
+  if (new_estimates_.empty() || new_estimates_.back().stamp != stamp) return;
+  new_estimates_.pop_back();
+  std::erase_if(new_innovations_, [&](const auto& told) { return told.stamp == stamp; });
+  newest_estimate_ = stamp - Duration(1);
 }
 
 void Localizer::ForgetSince(Stamp stamp) {

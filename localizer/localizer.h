@@ -151,6 +151,7 @@ class Localizer {
   void TryGlobalStart();
   void ForgetOutcomes();
   void StartAt(const PoseWithCovariance& pose, std::size_t first);
+  void TakeBackEstimate(Stamp stamp);
 
   // Takes back what was concluded from scans that are about to be replayed with another pose: they
   // must not count twice, and what a lost vehicle saw is no evidence.

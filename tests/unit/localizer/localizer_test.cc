@@ -8,6 +8,7 @@
 #include <cmath>
 #include <limits>
 #include <random>
+#include <set>
 #include <utility>
 #include <vector>
 
@@ -396,6 +397,35 @@ TEST(Localizer, NothingIsClaimedOfAGap) {
       EXPECT_EQ(decision.mode, ModeNumber(1)) << decision.signature.text();
     }
   }
+}
+
+// Of a scan that finds a lost vehicle too, whose state is no longer LOST.
+TEST(Localizer, TheEstimateOfAScanIsThePoseAfterIt) {
+  const MapContent content = MakeTwoModeMap(15, 14.0, 21);
+  const std::vector<int> states(content.groups.size(), 1);
+  SimulationOptions simulation;
+  simulation.duration_s = 90.0;
+  simulation.T_map_start = Se2(-1.0, 1.0, 0.0);
+  const SimulatedRun simulated =
+      WithGap(Simulate(content, PositionsOf(content, states), simulation), 12.6, 3600.0);
+  Localizer localizer(Snapshot(content), AtPose(simulation.T_map_start));
+  Stamp last;
+  for (const RunEvent& event : MergeEvents(simulated.run)) {
+    ASSERT_TRUE(localizer.Process(event).ok());
+    for (const PoseEstimate& estimate : localizer.new_estimates()) {
+      EXPECT_GT(estimate.stamp, last);
+      last = estimate.stamp;
+    }
+    if (localizer.new_estimates().empty()) continue;
+    const PoseEstimate& told = localizer.new_estimates().back();
+    EXPECT_EQ(told.pose.T_map_vehicle.translation(),
+              localizer.Estimate()->pose.T_map_vehicle.translation());
+    std::set<int> seen;
+    for (const StampedOutcome& innovation : localizer.new_innovations()) {
+      EXPECT_TRUE(seen.insert(innovation.outcome.group).second);
+    }
+  }
+  EXPECT_EQ(localizer.Statistics().starts, 2);
 }
 
 // By a pose so vague any landmark may be the one in view, and what is seen proves nothing.
