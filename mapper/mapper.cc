@@ -207,6 +207,35 @@ Status RemoveUntiedRuns(BuildState* build) {
 // A run that is put back may be what another one is to be held against.
 constexpr int kRelocationRounds = 3;
 
+// Moves runs to where other landmarks have them than those that were displaced from one of several
+// places. A run by itself may have one mode of a landmark that moved to and fro, between its
+// places, and poses that fit it: visits are not told apart from there. A run with more of these is
+// held together by them.
+void PoseByOthers(const MapperOptions& options, BuildState* build) {
+  const auto may_be_between = [&](const BuildModeRef& ref) {
+    const LandmarkGroup* const known = build->Known(ref.group);
+    return build->modes[ref.group][ref.mode].displaced_to && known && known->modes.size() > 1;
+  };
+  std::vector<RunIndex> runs;
+  for (const RunIndex r : build->runs.indices()) {
+    const std::vector<BuildModeRef> modes = ModesOf(build->runs[r]);
+    const auto between = std::count_if(modes.begin(), modes.end(), may_be_between);
+    if (between > 0 && 2 * between <= std::ssize(modes)) runs.push_back(r);
+  }
+  if (runs.empty()) return;
+  BuildState without = *build;
+  for (const RunIndex r : runs) {
+    BuildRun& run = without.runs[r];
+    for (const VisitIndex v : run.assignment.indices()) {
+      OptionalMode& mode = run.assignment[v];
+      if (mode && may_be_between({run.data->visits[v].group, *mode})) mode = kUnassigned;
+    }
+  }
+  DropUnusedModes(&without);
+  SolveContinuous(options, &without);
+  for (const RunIndex r : build->runs.indices()) build->runs[r].poses = without.runs[r].poses;
+}
+
 // What is discrete in all runs together, where every run is where the others say, without those
 // that do not fit there, or may be elsewhere.
 int RefineAndRelocate(const MapperOptions& options,
@@ -249,6 +278,7 @@ Status RemoveUnsupported(const MapperOptions& options, BuildState* build) {
 // iterations.
 StatusOr<int> RefineTogether(const MapperOptions& options, Watch* watch, BuildState* build) {
   build->loss_reach = options.loss_reach_sds;
+  PoseByOthers(options, build);
   GraphSolver solver;  // Rounds of noise go on from where this ends.
   int iterations = RefineAndRelocate(options, watch->During("all runs", 0.6), build, &solver);
   SHIFTMAP_RETURN_IF_ERROR(watch->status());

@@ -72,6 +72,15 @@ bool ToldApart(const ModeOptions& options,
   return unknown(cov) || apart_by(cov);
 }
 
+// True if a mode was displaced from those of the prior map. Where that has several of a landmark, a
+// run by itself may have had one between them: that is displaced while it is nearer to there.
+bool IsDisplaced(const BuildMode& mode, const BuildMode& of_prior, const GroupModes& modes) {
+  if (!mode.displaced_to) return false;
+  return std::count_if(modes.begin(), modes.end(), InPrior) < 2 ||
+         (mode.p_map_landmark - *mode.displaced_to).norm() <
+             (mode.p_map_landmark - of_prior.p_map_landmark).norm();
+}
+
 // Sightings of a visit that its mode explains.
 std::ptrdiff_t CountInliers(const BuildState& build, const VisitRef& ref) {
   const BuildRun& run = build.runs[ref.run];
@@ -103,7 +112,7 @@ std::vector<ModeMerge> FindMerges(const ModeOptions& options,
     for (const GroupModeIndex a : modes.indices()) {
       for (GroupModeIndex b = a + 1; b < modes.end_index(); ++b) {
         if (gone[a] || gone[b] || InPrior(modes[b])) continue;
-        if (InPrior(modes[a]) && modes[b].displaced) continue;
+        if (InPrior(modes[a]) && IsDisplaced(modes[b], modes[a], modes)) continue;
         const Eigen::Vector2d difference = modes[a].p_map_landmark - modes[b].p_map_landmark;
         const ModeIndex i = flat.Index(group, a);
         const ModeIndex j = flat.Index(group, b);

@@ -21,6 +21,8 @@ struct ModeMerge {
 
 /// Pairs of modes of one group that are not told apart by the covariance of their difference. Modes
 /// of the prior map become no others, and what was displaced from them does not become them again.
+/// Only where the prior map has several of a landmark, what was displaced may have been visits to
+/// two of them: it is merged with one that it is nearer to than to where it was displaced to.
 /// @param differences  Of the build's modes, flat order.
 std::vector<ModeMerge> FindMerges(const ModeOptions& options,
                                   const ModeDifferences& differences,

@@ -126,7 +126,7 @@ Eigen::VectorXd StartOf(const BuildState& build,
   Eigen::VectorXd start(chain.states());
   start(0) = known->probabilities(0);
   for (const GroupModeIndex k : modes.indices()) {
-    start(StateOf(k)) = modes[k].displaced
+    start(StateOf(k)) = modes[k].displaced_to
                             ? known->probabilities.maxCoeff()
                             : known->probabilities(std::max(0, known->StateOf(modes[k].number)));
   }
@@ -277,11 +277,30 @@ std::optional<Split> WorstExplained(const ModeOptions& options,
   return split;
 }
 
+ModeSequenceProblem SequenceOf(const BuildState& build,
+                               const std::vector<VisitRef>& visits,
+                               GroupIndex group,
+                               const ModeChain& chain,
+                               const ModeOptions& options) {
+  std::vector<VisitStep> steps;
+  for (const VisitRef& ref : visits) {
+    const MappingVisit& visit = VisitOf(build, ref);
+    steps.push_back({VisitLogLikelihood(build, ref, options), visit.begin, visit.end});
+  }
+  const Eigen::VectorXd start = StartOf(build, group, chain, VisitOf(build, visits.front()).begin);
+  ModeSequenceProblem sequence = MakeVisitSequence(start.array().log(), chain, steps);
+  sequence.static_state = std::min(1, chain.states() - 1);
+  return sequence;
+}
+
+// Under a uniform chain: one that was learned says nothing of a further mode.
 double BestLogJoint(const ModeOptions& options,
                     const BuildState& build,
                     const std::vector<VisitRef>& visits,
                     GroupIndex group) {
-  const ModeSequenceProblem sequence = MakeGroupSequence(build, visits, group, options);
+  const ModeChain uniform = ModeChain::Uniform(static_cast<int>(build.modes[group].size()),
+                                               ChainOf(build, group, options).leave_rate_per_s());
+  const ModeSequenceProblem sequence = SequenceOf(build, visits, group, uniform, options);
   return LogJoint(sequence, MostLikelyModes(sequence));
 }
 
@@ -305,16 +324,7 @@ ModeSequenceProblem MakeGroupSequence(const BuildState& build,
                                       const std::vector<VisitRef>& visits,
                                       GroupIndex group,
                                       const ModeOptions& options) {
-  std::vector<VisitStep> steps;
-  for (const VisitRef& ref : visits) {
-    const MappingVisit& visit = VisitOf(build, ref);
-    steps.push_back({VisitLogLikelihood(build, ref, options), visit.begin, visit.end});
-  }
-  const ModeChain chain = ChainOf(build, group, options);
-  const Eigen::VectorXd start = StartOf(build, group, chain, VisitOf(build, visits.front()).begin);
-  ModeSequenceProblem sequence = MakeVisitSequence(start.array().log(), chain, steps);
-  sequence.static_state = std::min(1, chain.states() - 1);
-  return sequence;
+  return SequenceOf(build, visits, group, ChainOf(build, group, options), options);
 }
 
 int SelectModes(const ModeOptions& options, BuildState* build, int threads) {
@@ -359,7 +369,7 @@ int CreateModes(const ModeOptions& options, BuildState* build) {
         if (distance < 2.0 * options.cluster_radius_m) mode = k;
       }
       if (!mode) {
-        mode = AddMode(group, {cluster.centre, kAbsent, false}, build);
+        mode = AddMode(group, {cluster.centre, kAbsent}, build);
         ++created;
       }
       AssignmentOf(build, ref) = mode;
@@ -381,7 +391,7 @@ int SplitModes(const ModeOptions& options, BuildState* build, int threads) {
     if (!split) continue;
     const std::vector<VisitRef>& visits = by_group[group];
     const double before = BestLogJoint(options, *build, visits, group);
-    const int state = StateOf(AddMode(group, {split->p_new, kAbsent, false}, build));
+    const int state = StateOf(AddMode(group, {split->p_new, kAbsent}, build));
     Eigen::Vector2d& p_mode = build->modes[group][split->mode].p_map_landmark;
     const Eigen::Vector2d p_before = std::exchange(p_mode, split->p_mode);
     const Eigen::VectorXd of_visit = VisitLogLikelihood(*build, split->visit, options);

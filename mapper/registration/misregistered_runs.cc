@@ -209,7 +209,7 @@ BuildState Among(const MapperOptions& options,
         return (other.p_map_landmark - place).norm() < options.relocation.same_place_m;
       });
       assignment[v] = GroupModeIndex(near - modes.begin());
-      if (near == modes.end()) modes.push_back({place, kAbsent, false});
+      if (near == modes.end()) modes.push_back({place, kAbsent});
     }
   }
   const FlatModes flat(alone);

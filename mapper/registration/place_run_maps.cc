@@ -141,7 +141,8 @@ void AddRunMap(const Recognized& recognized, RunMap run_map, BuildState* build) 
   for (const GroupIndex group : run_map.build.modes.indices()) {
     auto& of_group = becomes.emplace_back();
     for (const BuildMode& mode : run_map.build.modes[group]) {
-      const BuildMode added{mode.p_map_landmark, kAbsent, recognized.displaced[i]};
+      BuildMode added{mode.p_map_landmark, kAbsent};
+      if (recognized.displaced[i]) added.displaced_to = mode.p_map_landmark;
       const OptionalMode known = recognized.known[i++];
       of_group.push_back(known ? *known : AddMode(group, added, build));
     }

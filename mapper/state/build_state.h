@@ -29,9 +29,9 @@ struct BuildMode {
   Eigen::Vector2d p_map_landmark = Eigen::Vector2d::Zero();  ///< [m]
   ModeNumber number;  ///< That of the prior map; 0 for a mode that is not in it.
 
-  /// Told apart from the prior map's modes jointly with the other landmarks (FindDisplaced), which
-  /// can tell more than a look at this landmark alone.
-  bool displaced = false;
+  /// Where it was told apart from the prior map's modes jointly with the other landmarks
+  /// (FindDisplaced), which can tell more than a look at this landmark alone. [m]
+  std::optional<Eigen::Vector2d> displaced_to = {};
 };
 
 /// The modes of a group.

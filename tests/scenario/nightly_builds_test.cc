@@ -145,6 +145,29 @@ TEST(NightlyBuildsOfALargeSite, ALargeMapBecomesBetterToo) {
   EXPECT_LT(after.nees, ChiSquareQuantile(0.9995, after.dof));
 }
 
+// A run by itself has one mode of a door, between its two places, though the map has both.
+TEST(NightlyBuildsOfDoors, MakeNoPlaceTwice) {
+  constexpr int kSites = 4;
+  constexpr int kNightsOfDoors = 6;
+  constexpr double kSurveySd = 0.02;
+  MapConsistency consistency;
+  std::ptrdiff_t twice = 0;
+  for (int seed = 1; seed <= kSites; ++seed) {
+    const SimulatedWorld world = Doors(static_cast<std::uint64_t>(seed), kNightsOfDoors);
+    MapContent map = SurveyOf(world, kSurveySd);
+    const std::ptrdiff_t places = map.covariance.size();
+    for (const MapperInput& night : Inputs(world)) map = Build({night}, map);
+    twice += map.covariance.size() - places;
+    for (const MatchedMode& mode : MatchModes(map, world)) {
+      EXPECT_LT(mode.error.norm(), 0.12) << "site " << seed << ", landmark " << mode.group;
+    }
+    consistency.Add(MeasureConsistency(map, world));
+  }
+  std::printf("%td places twice, %.2f\n", twice, consistency.PerLandmark());
+  EXPECT_LE(twice, kSites);
+  EXPECT_LT(consistency.nees, ChiSquareQuantile(0.9995, consistency.dof));
+}
+
 INSTANTIATE_TEST_SUITE_P(Fleets,
                          NightlyBuilds,
                          ::testing::Values(FleetScale{"right_ranges"},

@@ -481,34 +481,11 @@ TEST(BuildMap, CovarianceOfPositionsIsConsistent) {
   testing::ExpectRightVariances(maps);
 }
 
-// Where every landmark of a world is in the first place that it has, to `sd_m`, each by itself.
-MapContent SurveyOf(const SimulatedWorld& world, double sd_m) {
-  MapContent survey;
-  for (const SimulatedGroup& simulated : world.groups) {
-    LandmarkGroup group;
-    group.signature = simulated.signature;
-    group.chain = ModeChain::Uniform(1, 1e-5);
-    group.probabilities = Eigen::Vector2d(0.1, 0.9);
-    group.modes.push_back({ModeNumber(1),
-                           simulated.modes.front(),
-                           sd_m * sd_m * Eigen::Matrix2d::Identity(),
-                           Stamp()});
-    survey.groups.push_back(std::move(group));
-  }
-  std::sort(survey.groups.begin(), survey.groups.end(), [](const auto& a, const auto& b) {
-    return a.signature < b.signature;
-  });
-  survey.covariance = JointCovariance(
-      std::vector<Eigen::Matrix2d>(survey.groups.size(), sd_m * sd_m * Eigen::Matrix2d::Identity()),
-      {});
-  return survey;
-}
-
 // A survey knows how long a metre is better than sensors do: runs on it make it no less certain.
 TEST(BuildMap, ASurveyBecomesNoWorse) {
   constexpr double kSd = 0.01;
   const SimulatedWorld world = testing::StaticWorld(4);
-  const MapContent survey = SurveyOf(world, kSd);
+  const MapContent survey = testing::SurveyOf(world, kSd);
   const MapContent map = Build(testing::Inputs(world), survey).content;
   ASSERT_EQ(map.groups.size(), survey.groups.size());
   for (const LandmarkGroup& group : map.groups) {

@@ -6,6 +6,7 @@
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <numbers>
 #include <set>
 
@@ -42,12 +43,15 @@ SimulatedWorld StaticWorld(std::uint64_t seed) {
 
 namespace {
 
-// Runs that each drive along `way` for a time, from the origin on, and round again. In the last one
-// landmarks are at the last of their modes, else at the first.
+// The mode of each landmark in a run at a tick of it.
+using ModesAt = std::function<std::vector<ModeNumber>(int run, int tick)>;
+
+// Runs that each drive along `way` for a time, from the origin on, and round again.
 void AddRuns(const std::vector<Eigen::Vector2d>& way,
              int ticks,
              int runs,
              const OdometryCalibration& odometry,
+             const ModesAt& modes_at,
              Random* random,
              SimulatedWorld* world) {
   constexpr double kTick = 0.1;
@@ -56,9 +60,7 @@ void AddRuns(const std::vector<Eigen::Vector2d>& way,
       .sd_range_m = 0.1, .sd_bearing_rad = 0.02, .detection_probability = 0.8};
   for (int r = 0; r < runs; ++r) {
     SimulatedRun& simulated = world->runs.emplace_back();
-    for (const SimulatedGroup& group : world->groups) {
-      simulated.active_mode.emplace_back(r + 1 == runs ? std::ssize(group.modes) : 1);
-    }
+    simulated.active_mode = modes_at(r, 0);
     simulated.run.info.vehicle = "v";
     const Stamp begin = StampFromSeconds(1.7676e9 + r * kSecondsPerDay);
     Se2 T_map_vehicle;
@@ -74,7 +76,7 @@ void AddRuns(const std::vector<Eigen::Vector2d>& way,
       simulated.run.odometry.push_back({stamp, logged.v_mps, logged.omega_radps});
       if (tick % kTicksPerScan == 0) {
         simulated.run.scans.push_back(SenseLandmarks(
-            world->groups, simulated.active_mode, simulated.truth.back(), sensor, 0.0, {}, random));
+            world->groups, modes_at(r, tick), simulated.truth.back(), sensor, 0.0, {}, random));
       }
       T_map_vehicle = T_map_vehicle * TrueMotion(logged, kTick, odometry, random);
     }
@@ -102,7 +104,15 @@ SimulatedWorld TwoHalls(std::uint64_t seed,
     std::vector<Eigen::Vector2d>& modes = world.groups[i].modes;
     modes.emplace_back(modes.front() + Eigen::Vector2d(0.6, 0.8));
   }
-  AddRuns(way, kTicks, runs, odometry, &random, &world);
+  // Those that move are at their other place in the last run.
+  const ModesAt moved_at_last = [&](int run, int) {
+    std::vector<ModeNumber> modes;
+    for (const SimulatedGroup& group : world.groups) {
+      modes.emplace_back(run + 1 == runs ? std::ssize(group.modes) : 1);
+    }
+    return modes;
+  };
+  AddRuns(way, kTicks, runs, odometry, moved_at_last, &random, &world);
   return world;
 }
 
@@ -125,8 +135,73 @@ SimulatedWorld LongLoop(std::uint64_t seed) {
   }
   const std::vector<Eigen::Vector2d> way = {
       {kSide, 0.0}, {kSide, kSide}, {0.0, kSide}, {0.0, 0.0}, {kSide, 1.0}};
-  AddRuns(way, kTicks, 1, {.noise_v = 0.01, .noise_omega = 0.01}, &random, &world);
+  AddRuns(
+      way,
+      kTicks,
+      1,
+      {.noise_v = 0.01, .noise_omega = 0.01},
+      [&](int, int) { return std::vector<ModeNumber>(world.groups.size(), ModeNumber(1)); },
+      &random,
+      &world);
   return world;
+}
+
+SimulatedWorld Doors(std::uint64_t seed, int runs) {
+  constexpr double kSize = 30.0;
+  constexpr double kGap = 0.8;
+  constexpr int kDoors = 6;
+  constexpr int kLandmarks = 22;
+  constexpr int kWaypoints = 40;
+  constexpr int kTicks = 9000;
+  Random random = MakeRandom(seed, 0);
+  const auto anywhere = [&] {
+    const double x = Uniform(0.0, kSize, &random);
+    return Eigen::Vector2d(x, Uniform(0.0, kSize, &random));
+  };
+  SimulatedWorld world;
+  for (int i = 0; i < kLandmarks; ++i) {
+    const Eigen::Vector2d p = anywhere();
+    world.groups.push_back({Signature(fmt::format("{:02}", i)), {p}});
+    if (i < kDoors) world.groups.back().modes.emplace_back(p.x() + kGap, p.y());
+  }
+  std::vector<Eigen::Vector2d> way;
+  for (int i = 0; i < kWaypoints; ++i) way.push_back(anywhere());
+  // Each changes its place in turn, at a time of its own.
+  const ModesAt to_and_fro = [&](int, int tick) {
+    constexpr int kTicksAtMode = 2000;
+    constexpr int kTicksBetweenGroups = 370;
+    std::vector<ModeNumber> modes;
+    for (const SimulatedGroup& group : world.groups) {
+      const int of_group = tick + kTicksBetweenGroups * static_cast<int>(modes.size());
+      modes.emplace_back(of_group / kTicksAtMode % static_cast<int>(group.modes.size()) + 1);
+    }
+    return modes;
+  };
+  AddRuns(way, kTicks, runs, {.noise_v = 0.01, .noise_omega = 0.01}, to_and_fro, &random, &world);
+  return world;
+}
+
+MapContent SurveyOf(const SimulatedWorld& world, double sd_m) {
+  constexpr double kAway = 0.1;
+  const Eigen::Matrix2d cov = sd_m * sd_m * Eigen::Matrix2d::Identity();
+  MapContent survey;
+  std::vector<Eigen::Matrix2d> covariances;
+  for (const SimulatedGroup& simulated : world.groups) {
+    const auto modes = static_cast<int>(simulated.modes.size());
+    LandmarkGroup group;
+    group.signature = simulated.signature;
+    group.chain = ModeChain::Uniform(modes, 1e-5);
+    group.probabilities = Eigen::VectorXd::Constant(modes + 1, (1.0 - kAway) / modes);
+    group.probabilities[0] = kAway;
+    for (int m = 0; m < modes; ++m) {
+      group.modes.push_back(
+          {ModeNumber(m + 1), simulated.modes[static_cast<std::size_t>(m)], cov, Stamp()});
+      covariances.push_back(cov);
+    }
+    survey.groups.push_back(std::move(group));
+  }
+  survey.covariance = JointCovariance(std::move(covariances), {});
+  return survey;
 }
 
 std::size_t CountModes(const BuildState& build) {

@@ -32,6 +32,13 @@ SimulatedWorld TwoHalls(std::uint64_t seed,
 /// few are seen again.
 SimulatedWorld LongLoop(std::uint64_t seed);
 
+/// A floor of 30 m with 16 landmarks that stand still and six that move by 0.8 m, and back, every
+/// 200 s. Each run takes 900 s.
+SimulatedWorld Doors(std::uint64_t seed, int runs);
+
+/// Where a world has every place of its landmarks, to `sd_m`, each by itself.
+MapContent SurveyOf(const SimulatedWorld& world, double sd_m);
+
 /// Modes of all groups.
 std::size_t CountModes(const BuildState& build);
 

@@ -37,6 +37,19 @@ TEST(MergeMemory, MergesModesThatAreOnePlace) {
   ModeOptions sure = options.modes;
   sure.max_merge_sd_m = 1e-3;  // Nothing is known that well.
   EXPECT_TRUE(FindMerges(sure, *differences, build).empty());
+
+  // Displaced from the prior map's mode, and merged only where it may have been between two.
+  BuildState on_prior = build;
+  GroupModes& modes = on_prior.modes[group];
+  const Eigen::Vector2d difference = modes[1].p_map_landmark - modes[0].p_map_landmark;
+  modes[0].number = ModeNumber(1);
+  modes[1].displaced_to = modes[1].p_map_landmark + 1.1 * difference;
+  EXPECT_TRUE(FindMerges(options.modes, *differences, on_prior).empty());
+  modes.push_back({Eigen::Vector2d(50.0, 50.0), ModeNumber(2)});
+  EXPECT_EQ(FindMerges(options.modes, *differences, on_prior).size(), 1u);
+  modes[1].displaced_to = modes[1].p_map_landmark + 0.9 * difference;
+  EXPECT_TRUE(FindMerges(options.modes, *differences, on_prior).empty());
+
   MergeMemory(build).Merge(merges, &build);
   EXPECT_EQ(testing::CountModes(build), before);
   for (const VisitRef& ref : *busiest) EXPECT_EQ(AssignmentOf(build, ref), GroupModeIndex(0));

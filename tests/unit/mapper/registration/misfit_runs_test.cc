@@ -120,7 +120,7 @@ TEST_F(MisfitRuns, AModeThatIsTakenForANearerOneSaysNothing) {
     const Eigen::Vector2d place = joined.modes[group].front().p_map_landmark;
     for (int k = 0; k < 80; ++k) {  // One of them is where the run by itself has the landmark.
       const Eigen::Vector2d to(0.2 * (k / 16 + 1), 0.0);
-      joined.modes[group].push_back({place + Se2(0.0, 0.0, 0.4 * k) * to, kAbsent, false});
+      joined.modes[group].push_back({place + Se2(0.0, 0.0, 0.4 * k) * to, kAbsent});
     }
   }
   const std::optional<JoinedFit> without = FitJoined(options_, joined, RunIndex(1));

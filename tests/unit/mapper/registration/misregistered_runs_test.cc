@@ -77,7 +77,7 @@ void LaySecondMap(FrameIndex from, const Se2& T_there_here, BuildRun* run, Build
     const auto [entry, added] = become.try_emplace({visit.group, *assignment});
     if (added) {
       const Eigen::Vector2d& here = build->modes[visit.group][*assignment].p_map_landmark;
-      entry->second = AddMode(visit.group, {T_there_here * here, kAbsent, false}, build);
+      entry->second = AddMode(visit.group, {T_there_here * here, kAbsent}, build);
     }
     assignment = entry->second;
   }
