@@ -14,17 +14,22 @@
 #include "mapstore/map_store.h"
 
 namespace shiftmap {
-namespace {
 
-Json SetAsideJson(const std::vector<SetAsideRows>& set_aside) {
-  Json list = Json::array();
-  for (const SetAsideRows& rows : set_aside) {
-    list.push_back({{"reason", Describe(rows.reason)}, {"rows", rows.rows}});
+Json ReturnedJson(const ReturnResult& result) {
+  Json set_aside = Json::array();
+  for (const SetAsideRows& rows : result.set_aside) {
+    set_aside.push_back({{"reason", Describe(rows.reason)}, {"rows", rows.rows}});
   }
-  return list;
+  return {{"evidence_rows", result.evidence_rows}, {"set_aside", set_aside}};
 }
 
-}  // namespace
+std::string ReturnedText(const ReturnResult& result) {
+  std::string text = fmt::format("{} evidence rows\n", result.evidence_rows);
+  for (const SetAsideRows& rows : result.set_aside) {
+    text += fmt::format("  {} of them kept aside: {}\n", rows.rows, Describe(rows.reason));
+  }
+  return text;
+}
 
 void WarnOfUnsetClock(const std::string& what, const ShiftReport& report, const Context& context) {
   const Status set = CheckClockWasSet(what, report.begin);
@@ -62,18 +67,14 @@ Status ReturnToStore(const ReturnArguments& options, Context& context) {
     if (!stopped.ok()) break;
     SHIFTMAP_ASSIGN_OR_RETURN(const ReturnResult result, store.Return(reports[i]));
     all_known = all_known && result.duplicate;
-    results.push_back({{"report", options.reports[i]},
-                       {"uuid", reports[i].uuid},
-                       {"duplicate", result.duplicate},
-                       {"evidence_rows", result.evidence_rows},
-                       {"set_aside", SetAsideJson(result.set_aside)}});
-    text += fmt::format("{}: {}\n",
+    Json document = ReturnedJson(result);
+    document["report"] = options.reports[i];
+    document["uuid"] = reports[i].uuid;
+    document["duplicate"] = result.duplicate;
+    results.push_back(std::move(document));
+    text += fmt::format("{}: {}",
                         InertLine(options.reports[i]),
-                        result.duplicate ? std::string("known already")
-                                         : fmt::format("{} evidence rows", result.evidence_rows));
-    for (const SetAsideRows& rows : result.set_aside) {
-      text += fmt::format("  {} of them kept aside: {}\n", rows.rows, Describe(rows.reason));
-    }
+                        result.duplicate ? "known already\n" : ReturnedText(result));
   }
   context.Report({{"reports", results}}, text);
   SHIFTMAP_RETURN_IF_ERROR(stopped);

@@ -244,7 +244,8 @@ class Shift {
   std::string run_uuid_;
 };
 
-// Areas of a store of which the log saw more landmarks than of the one that it was localized in.
+// Areas of a store of which the log saw at least as many landmarks as of the one that it was
+// localized in: areas may name their landmarks alike.
 StatusOr<std::vector<std::string>> BetterAreas(const RunSummary& summary,
                                                const std::string& area,
                                                MapStore* store) {
@@ -258,7 +259,7 @@ StatusOr<std::vector<std::string>> BetterAreas(const RunSummary& summary,
         std::count_if(summary.signatures.begin(), summary.signatures.end(), [&](const auto& seen) {
           return map.GroupIndex(seen) >= 0;
         }));
-    if (known <= summary.known_signatures) continue;
+    if (known == 0 || known < summary.known_signatures) continue;
     better.push_back(fmt::format("'{}' has {}", other.area, known));
   }
   return better;
@@ -269,6 +270,12 @@ Status ReportNotLocalized(const RunOptions& options,
                           const RunSummary& summary,
                           MapStore* store,
                           Context* context) {
+  if (summary.signatures.empty()) {
+    context->Attend(fmt::format("run log '{}': not localized, it saw no landmark with a signature",
+                                options.run),
+                    ExitCode::kNotLocalized);
+    return OkStatus();
+  }
   SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<std::string> better,
                             BetterAreas(summary, options.area, store));
   context->Attend(fmt::format("run log '{}': not localized, area '{}' has {} of the {} landmarks "
@@ -286,7 +293,8 @@ Status ReportNotLocalized(const RunOptions& options,
 Status WriteResults(const RunOptions& options,
                     const ShiftReport& report,
                     const Context& context,
-                    Shift* shift) {
+                    Shift* shift,
+                    RunSummary* summary) {
   std::optional<MapStore> store;
   if (options.return_report && shift->localizer().Statistics().localized()) {
     SHIFTMAP_ASSIGN_OR_RETURN(
@@ -302,7 +310,9 @@ Status WriteResults(const RunOptions& options,
   }
   SHIFTMAP_RETURN_IF_ERROR(shift->FinishRecording());
   if (options.report) SHIFTMAP_RETURN_IF_ERROR(WriteShiftReport(report, *options.report));
-  return store ? store->Return(report).status() : OkStatus();
+  if (!store) return OkStatus();
+  SHIFTMAP_ASSIGN_OR_RETURN(summary->returned, store->Return(report));
+  return OkStatus();
 }
 
 // Nothing of a localizer that dropped nothing.
@@ -369,14 +379,16 @@ Status RunShift(const RunOptions& options, Context& context) {
   }
   SHIFTMAP_RETURN_IF_ERROR(taken);
   const ShiftReport report = shift.Finish();
-  const RunSummary& summary = shift.summary();
+  RunSummary summary = shift.summary();
   if (!summary.truncation.empty()) {
     context.Warn(fmt::format("run log '{}': {}", options.run, summary.truncation));
   }
   WarnOfImplausible(options.run, shift.localizer(), context);
   WarnOfGaps(options.run, shift.localizer(), context);
   WarnOfNoLidar(options, shift.localizer(), context);
-  if (!context.dry_run()) SHIFTMAP_RETURN_IF_ERROR(WriteResults(options, report, context, &shift));
+  if (!context.dry_run()) {
+    SHIFTMAP_RETURN_IF_ERROR(WriteResults(options, report, context, &shift, &summary));
+  }
   context.Report(RunJson(shift.localizer(), summary), RunText(shift.localizer(), summary));
   if (shift.localizer().Statistics().localized()) return OkStatus();
   return ReportNotLocalized(options, summary, &map_store, &context);

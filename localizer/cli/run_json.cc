@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "localizer/cli/hypothesis_json.h"
+#include "localizer/cli/return_to_store.h"
 #include "mapstore/core/inert_text.h"
 #include "mapstore/core/quantile.h"
 
@@ -145,6 +146,7 @@ Json RunJson(const Localizer& localizer, const RunSummary& summary) {
   }
   if (summary.hypotheses) document["hypotheses"] = HypothesisJson(*summary.hypotheses);
   if (!summary.report_uuid.empty()) document["report_uuid"] = summary.report_uuid;
+  if (summary.returned) document["returned"] = ReturnedJson(*summary.returned);
   return document;
 }
 
@@ -171,6 +173,7 @@ std::string RunText(const Localizer& localizer, const RunSummary& summary) {
                       MeanNis(statistics),
                       LatencyMs(summary, 0.99),
                       statistics.leaves_max);
+  if (summary.returned) text += "returned " + ReturnedText(*summary.returned);
   return text;
 }
 

@@ -10,6 +10,7 @@
 #include "localizer/hypothesis/hypothesis_view.h"
 #include "localizer/localizer.h"
 #include "mapstore/cli/context.h"
+#include "mapstore/store_types.h"
 
 namespace shiftmap {
 
@@ -19,6 +20,7 @@ struct RunSummary {
   std::string truncation;            ///< As RunLog::truncation.
   std::string vehicle;               ///< Empty if nothing names it.
   std::string report_uuid;
+  std::optional<ReturnResult> returned;      ///< What the store made of it, if it was handed in.
   std::optional<HypothesisView> hypotheses;  ///< After the last item; nothing without a pose.
   std::set<Signature> signatures;            ///< That were seen.
   std::size_t known_signatures = 0;          ///< Of these, the map has as many.

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Shift reports on their way into the store.
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <filesystem>
@@ -128,6 +129,39 @@ TEST_F(ReturnTest, AShiftThatNeverFoundItsPoseReturnsNothing) {
   EXPECT_TRUE(ReadFile(store_) == before);
 }
 
+TEST_F(ReturnTest, AShiftThatReadNoSignatureSaysSo) {
+  StatusOr<RunLog> log = ReadRunLog(world_->Log(1));
+  ASSERT_TRUE(log.ok());
+  for (Scan& scan : log->run.scans) scan.observations.clear();
+  const std::string blind = folder_.File("blind.mcap");
+  ASSERT_TRUE(WriteRunLog(log->run, blind).ok());
+  const CommandResult result = RunCommand(
+      "shiftmap-localizer", {"run", "--store", store_, "--area", "floor", "--return", blind});
+  EXPECT_EQ(result.exit_code, 7);
+  EXPECT_EQ(CountLines(result.err), 1) << result.err;
+  EXPECT_NE(result.err.find("not localized, it saw no landmark with a signature"),
+            std::string::npos)
+      << result.err;
+}
+
+// Areas may name their landmarks alike, and then the number of names does not tell them apart.
+TEST_F(ReturnTest, AShiftInAnAreaOfTheSameNamesIsToldOfTheOtherArea) {
+  std::string survey = "signature,mode,x_m,y_m,sd_x_m,sd_y_m,probability\n";
+  for (int i = 1; i <= 10; ++i) {
+    survey += fmt::format("L{:02},1,{},{},0.1,0.1,1\n", i, i * i * 37 % 101, i * 53 % 97);
+  }
+  WriteFile(bad_, survey);
+  RunForJson("shiftmap-mapper",
+             {"import", "--store", store_, "--area", "yard", "--stamp-s", "1767600000", bad_});
+  const CommandResult result = RunCommand(
+      "shiftmap-localizer", {"run", "--store", store_, "--area", "yard", world_->Log(1)});
+  EXPECT_EQ(result.exit_code, 7) << result.err;
+  EXPECT_NE(result.err.find("area 'yard' has 10 of the 10 landmarks that it saw; area 'floor' has "
+                            "10"),
+            std::string::npos)
+      << result.err;
+}
+
 TEST_F(ReturnTest, SecondTimeIsNothingToDo) {
   RunForJson("shiftmap-localizer", Return({report_}));
   const std::string before = ReadFile(store_);
@@ -149,6 +183,24 @@ TEST_F(ReturnTest, ReturnedByTheRunAndAgainByFile) {
   const std::string report = folder_.File("shift.report");
   RunForJson("shiftmap-localizer", Run({"--return", "--report", report}));
   EXPECT_EQ(RunCommand("shiftmap-localizer", Return({report})).exit_code, kNothingToDo);
+}
+
+// As `return` does: whoever hands a report in learns that it tells the map nothing.
+TEST_F(ReturnTest, ARunThatIsMappedSaysThatItsReportIsKeptAside) {
+  const Arguments run = {"run", "--store", store_, "--area", "floor", "--return", world_->Log(0)};
+  const Json returned = RunForJson("shiftmap-localizer", run)["returned"];
+  const int rows = returned["evidence_rows"];
+  EXPECT_GT(rows, 0);
+  EXPECT_EQ(returned["set_aside"],
+            Json::parse(R"([{"reason": "the map was built from its run", "rows": )" +
+                        std::to_string(rows) + "}]"));
+  const CommandResult again = RunCommand("shiftmap-localizer", run);
+  EXPECT_NE(again.out.find("of them kept aside: "), std::string::npos) << again.out;
+
+  const CommandResult other = RunCommand("shiftmap-localizer", Run({"--return"}));
+  EXPECT_NE(other.out.find("\nreturned "), std::string::npos) << other.out;
+  EXPECT_EQ(other.out.find("kept aside"), std::string::npos) << other.out;
+  EXPECT_FALSE(RunForJson("shiftmap-localizer", Run({})).contains("returned"));
 }
 
 TEST_F(ReturnTest, FromTheFutureIsRefusedAndNothingIsWritten) {
