@@ -13,6 +13,7 @@
 #include "mapstore/core/inert_text.h"
 #include "mapstore/core/mode_name.h"
 #include "tools/inspect/landmark_history.h"
+#include "tools/inspect/landmark_text.h"
 #include "tools/inspect/store_arguments.h"
 
 namespace shiftmap {
@@ -154,18 +155,21 @@ class DiffLines {
   void AddHolding(const GroupDiff& diff, const LandmarkGroup& before, const LandmarkGroup& after) {
     const auto [was, was_probability] = Holding(before);
     const auto [is, is_probability] = Holding(after);
-    const bool other = before.CarriedStateOf(was) < 0 || was != is;
+    const bool was_decided = IsDecided(was_probability);
+    const bool is_decided = IsDecided(is_probability);
+    const bool other = (before.CarriedStateOf(was) < 0 || was != is) && (was_decided || is_decided);
     if (!other && (!all_ || diff.probability_change == 0.0)) return;
-    lines_.push_back(
-        {other ? Kind::kHolds : Kind::kSmall,
-         diff.probability_change,
-         diff.signature.text(),
-         is == kAbsent ? "0" : fmt::format("{}", is.value()),
-         other ? "holds now" : "holds still",
-         other
-             ? fmt::format(
-                   "P {:.3f}, was {} with P {:.3f}", is_probability, ModeName(was), was_probability)
-             : fmt::format("P {:.3f}, was {:.3f}", is_probability, was_probability)});
+    lines_.push_back({other ? Kind::kHolds : Kind::kSmall,
+                      diff.probability_change,
+                      diff.signature.text(),
+                      is_decided ? fmt::format("{}", is.value()) : "-",
+                      !is_decided ? "undecided" : (other ? "holds now" : "holds still"),
+                      other
+                          ? fmt::format("P {:.3f}, was {} with P {:.3f}",
+                                        is_probability,
+                                        was_decided ? ModeName(was) : "undecided",
+                                        was_probability)
+                          : fmt::format("P {:.3f}, was {:.3f}", is_probability, was_probability)});
   }
 
   void AddRate(const GroupDiff& diff) {

@@ -207,7 +207,7 @@ std::string VerdictText(const LandmarkHistory& history) {
   const ModeProbability* const best = MostProbable(history.probabilities);
   if (best == nullptr) {
     text += ": the version does not have the landmark";
-  } else if (best->probability > 0.5) {
+  } else if (IsDecided(best->probability)) {
     text += fmt::format(": {}, probability {:.4f}", ModeName(best->mode), best->probability);
   } else {
     text += fmt::format(": undecided, no state is more probable than {:.4f}", best->probability);

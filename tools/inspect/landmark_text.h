@@ -10,6 +10,10 @@
 
 namespace shiftmap {
 
+/// Whether a state of this probability is taken for the one that holds: it is more probable than
+/// all others together, by more than the digits that are printed.
+inline bool IsDecided(double probability) { return probability > 0.50005; }
+
 /// What the map says of the landmark in one or two lines, and from what.
 std::string VerdictText(const LandmarkHistory& history);
 

@@ -6,6 +6,7 @@
 #include "mapstore/core/count_text.h"
 #include "mapstore/core/inert_text.h"
 #include "tools/inspect/inspect_commands.h"
+#include "tools/inspect/landmark_text.h"
 #include "tools/inspect/map_export.h"
 #include "tools/inspect/store_arguments.h"
 #include "tools/inspect/vehicle_table.h"
@@ -18,14 +19,15 @@ std::string ProbabilityText(double probability) { return fmt::format("{:.4f}", p
 std::string MapText(const MapSnapshot& map, const TextStyle& style) {
   AlignedTable table({"signature", "mode", "x_m", "y_m", "probability", "now", "last_seen"});
   for (const LandmarkGroup& group : map.groups()) {
-    Eigen::Index best = 0;
-    group.probabilities.maxCoeff(&best);
+    const auto now = [&](Eigen::Index state) {
+      return IsDecided(group.probabilities(state)) ? "*" : "";
+    };
     table.AddRow({group.signature.text(),
                   "0",
                   "-",
                   "-",
                   ProbabilityText(group.probabilities(0)),
-                  best == 0 ? "*" : "",
+                  now(0),
                   "-"});
     for (std::size_t i = 0; i < group.modes.size(); ++i) {
       const Mode& mode = group.modes[i];
@@ -35,7 +37,7 @@ std::string MapText(const MapSnapshot& map, const TextStyle& style) {
                     fmt::format("{:.3f}", mode.p_map_landmark.x()),
                     fmt::format("{:.3f}", mode.p_map_landmark.y()),
                     ProbabilityText(group.probabilities(state)),
-                    best == state ? "*" : "",
+                    now(state),
                     TimeText(mode.last_seen)});
     }
   }

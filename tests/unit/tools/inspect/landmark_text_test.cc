@@ -181,5 +181,42 @@ TEST_F(LandmarkCommands, DiffPutsWhatMattersFirstAndSumsUpTheRest) {
   EXPECT_THAT(Run({"diff", "1", "1"}), HasSubstr("no difference"));
 }
 
+// Two states that are equally probable but for rounding: no text takes one for the state.
+TEST(UndecidedLandmark, HoldsNoState) {
+  const testing::TempDir dir;
+  const std::string path = dir.File("maps.db");
+  MapStore store = *MapStore::Open(path, MapStore::Access::kReadWriteCreate);
+  LandmarkGroup group = Group("L01", {ModeAt(1, 0.0), ModeAt(2, 9.0)}, 1e-5);
+  CommitOptions options;
+  for (const double p : {0.0, 0.5 + 1e-7, 0.6, 0.5 - 1e-7}) {
+    group.probabilities << p, 1.0 - p, 0.0;
+    options.parent = store.Commit("hall", ContentOf({group}, At(0.0)), {}, options)->version;
+  }
+  const auto run = [&](std::vector<std::string> arguments) {
+    arguments.insert(arguments.end(), {"--store", path, "--area", "hall"});
+    Application application("shiftmap-inspect", "");
+    AddInspectCommands(&application);
+    std::ostringstream out;
+    std::ostringstream err;
+    EXPECT_EQ(static_cast<int>(application.Run(arguments, &out, &err)), 0) << err.str();
+    return out.str();
+  };
+  const auto show = [&](const char* version) {
+    return run({"show", "--version", version, "--at", "1700000000"});
+  };
+  EXPECT_THAT(show("1"), HasSubstr("1.0000  *"));
+  EXPECT_THAT(show("2"), Not(HasSubstr("*")));
+  EXPECT_THAT(show("3"), HasSubstr("0.6000  *"));
+  EXPECT_THAT(run({"history", "L01", "--version", "2", "--at", "1700000000"}),
+              HasSubstr("undecided, no state is more probable than 0.5000"));
+  EXPECT_THAT(run({"diff", "1", "2"}), HasSubstr("-  undecided  P 0.500, was mode 1 with P 1.000"));
+  EXPECT_THAT(run({"diff", "4", "3"}),
+              HasSubstr("0  holds now  P 0.600, was undecided with P 0.500"));
+  for (const char* same : {"2", "4"}) {
+    EXPECT_THAT(run({"diff", "2", same}), Not(HasSubstr("undecided"))) << "by rounding";
+  }
+  EXPECT_THAT(run({"diff", "1", "3"}), HasSubstr("0  holds now  P 0.600, was mode 1 with P 1.000"));
+}
+
 }  // namespace
 }  // namespace shiftmap
