@@ -131,6 +131,15 @@ StatusOr<std::optional<std::string>> MissingRest(const std::string& area,
                                                  const LineRun& mapped,
                                                  const Run& log,
                                                  MapStore* store) {
+  // Copies of a log, and logs of one run, are of one time.
+  if (BeginOf(log) > mapped.run.end || EndOf(log) < mapped.run.begin) {
+    return std::optional(fmt::format(
+        "version {} has another run of its run UUID, from {} to {} UTC: a recorder draws one for "
+        "each log",
+        mapped.version.value(),
+        FormatUtc(mapped.run.begin),
+        FormatUtc(mapped.run.end)));
+  }
   std::string what;
   if (EndOf(log) > mapped.run.end) {
     what = fmt::format("a shorter copy of it, which ends at {} UTC", FormatUtc(mapped.run.end));

@@ -278,6 +278,28 @@ TEST_F(BuildLogs, ACopyThatWasCutOffCountsOnce) {
   ExpectError("shiftmap-mapper", Build({whole}), kNothingToDo, "built from a shorter copy of it");
 }
 
+// No copies of one another, whichever came first and has more: neither is taken for mapped.
+TEST_F(BuildLogs, LogsOfTwoTimesWithOneUuidAreNamed) {
+  shiftmap::Run first = ReadShift(0);
+  shiftmap::Run second = ReadShift(1);
+  second.info.uuid = first.info.uuid = "00000000-0000-4000-8000-000000000001";
+  second.scans.resize(second.scans.size() / 2);
+  const std::vector<std::string> logs = {Log("first.mcap", first), Log("second.mcap", second)};
+  for (const std::size_t mapped : {0, 1}) {
+    ASSERT_NE(RunCommand("shiftmap-mapper", Build({"--prior", "none", logs[mapped]})).exit_code, 3);
+    ExpectError("shiftmap-mapper",
+                Build({logs[1 - mapped]}),
+                kNothingToDo,
+                "has another run of its run UUID, from ");
+  }
+  const CommandResult built =
+      RunCommand("shiftmap-mapper", Build({"--dry-run", "--prior", "none", logs[0], logs[1]}));
+  EXPECT_NE(
+      built.err.find("second.mcap': has the run UUID, but not the time, of run log '" + logs[0]),
+      std::string::npos)
+      << built.err;
+}
+
 // Without a clock all begin at one time.
 TEST_F(BuildLogs, AClockThatWasNeverSetIsNamed) {
   for (const int year : {1970, 1980, 1999, 2001}) {
