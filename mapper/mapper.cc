@@ -64,7 +64,11 @@ std::vector<MappingRun> PrepareRuns(const std::vector<MapperInput>& inputs,
     run.name = input.name;
     run.sha256 = input.sha256;
     if (run.sightings.empty()) {
-      rejected->push_back({input.name, "no identified landmark is seen"});
+      std::string reason = "no identified landmark is seen";
+      if (run.anonymous_observations > 0) {
+        reason += fmt::format(", {} observations have no signature", run.anonymous_observations);
+      }
+      rejected->push_back({input.name, std::move(reason)});
     } else {
       runs.push_back(std::move(run));
     }

@@ -399,6 +399,17 @@ TEST(BuildMap, NothingToBuildFromIsAnError) {
   options.runs = 1;
   options.duration_s = 30.0;
   std::vector<MapperInput> inputs = testing::Inputs(Simulate(options));
+  std::vector<MapperInput> anonymous = inputs;
+  int observations = 0;
+  for (Scan& scan : anonymous[0].run.scans) {
+    for (Observation& observation : scan.observations) observation.signature = Signature();
+    observations += static_cast<int>(scan.observations.size());
+  }
+  ASSERT_GT(observations, 0);
+  EXPECT_THAT(BuildMap(anonymous, std::nullopt, {}),
+              StatusIs(StatusCode::kInvalidArgument,
+                       fmt::format("is seen, {} observations have no signature", observations)));
+
   for (Scan& scan : inputs[0].run.scans) scan.observations.clear();
   EXPECT_THAT(BuildMap(inputs, std::nullopt, {}),
               StatusIs(StatusCode::kInvalidArgument, "'run-0': no identified landmark is seen"));
