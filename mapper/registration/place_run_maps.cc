@@ -158,11 +158,12 @@ void AddRunMap(const Recognized& recognized, RunMap run_map, BuildState* build) 
   }
 }
 
-std::string NotAligned(const RunMap& run_map) {
+std::string NotAligned(const RunMap& run_map, bool has_prior) {
   const std::size_t runs = run_map.build.runs.size();
-  if (runs == 1) return "no consistent alignment with the other runs";
-  return fmt::format("no consistent alignment with the map, as {} runs that agree with each other",
-                     runs);
+  std::string reason = "no consistent alignment with the ";
+  reason += has_prior ? "map" : "other runs";
+  if (runs > 1) reason += fmt::format(", as {} runs that agree with each other", runs);
+  return reason;
 }
 
 // Runs that are placed before they are solved together for the first time. Then again whenever they
@@ -312,11 +313,11 @@ class RunMapPlacing {
   }
 
   // Of what is left, what has several explanations waits.
-  void RejectOrWait(const WaitingRunMaps& waiting, BuildState* build) {
+  void RejectOrWait(const WaitingRunMaps& waiting, bool has_prior, BuildState* build) {
     for (const RunMapIndex i : waiting.Remaining()) {
       const RunMap& run_map = waiting.At(i);
       if (!waiting.Open(i)) {
-        Reject(run_map, NotAligned(run_map));
+        Reject(run_map, NotAligned(run_map, has_prior));
         continue;
       }
       WaitingRuns& runs = build->waiting.emplace_back();
@@ -411,7 +412,7 @@ void PlaceRunMaps(const MapperOptions& options,
     waiting = WaitingRunMaps(std::move(left), *build);
     placing.PlaceWaiting(prior, &waiting, build);
   }
-  placing.RejectOrWait(waiting, build);
+  placing.RejectOrWait(waiting, prior.has_value(), build);
 }
 
 }  // namespace shiftmap

@@ -162,7 +162,8 @@ TEST(BuildMap, ARunOfAnotherPlaceIsLeftOutByName) {
   const MapperResult result = Build(inputs);
   ASSERT_EQ(result.rejected.size(), 1u);
   EXPECT_EQ(result.rejected[0].name, "stranger");
-  EXPECT_NE(result.rejected[0].reason.find("no consistent alignment"), std::string::npos);
+  EXPECT_NE(result.rejected[0].reason.find("no consistent alignment with the other runs"),
+            std::string::npos);
   ASSERT_EQ(result.runs.size(), 2u);
   EXPECT_EQ(result.runs[0].name, "run-0");
 }
@@ -466,8 +467,9 @@ TEST(BuildMap, ARunThatDoesNotFitThePriorIsAnError) {
   options.runs = 1;
   const MapContent map = Build(testing::Inputs(Simulate(options))).content;
   options.seed = 99;
-  EXPECT_THAT(BuildMap(testing::Inputs(Simulate(options)), map, {}),
-              StatusIs(StatusCode::kInvalidArgument, "'run-0': no consistent alignment"));
+  EXPECT_THAT(
+      BuildMap(testing::Inputs(Simulate(options)), map, {}),
+      StatusIs(StatusCode::kInvalidArgument, "'run-0': no consistent alignment with the map"));
 }
 
 // The errors that are left after alignment are those of the inner-constraint gauge, in which the
