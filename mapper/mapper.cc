@@ -211,10 +211,10 @@ Status RemoveUntiedRuns(BuildState* build) {
 // A run that is put back may be what another one is to be held against.
 constexpr int kRelocationRounds = 3;
 
-// Moves runs to where other landmarks have them than those that were displaced from one of several
-// places. A run by itself may have one mode of a landmark that moved to and fro, between its
-// places, and poses that fit it: visits are not told apart from there. A run with more of these is
-// held together by them.
+// Poses runs without the modes that were displaced from one of several places of the prior map. A
+// run by itself may have one mode of a door, between its places, and poses that fit it: its visits
+// are not told apart from there. A run that mostly has such modes, or few of the prior map beside
+// them, would come apart, and stays.
 void PoseByOthers(const MapperOptions& options, BuildState* build) {
   const auto may_be_between = [&](const BuildModeRef& ref) {
     const LandmarkGroup* const known = build->Known(ref.group);
@@ -224,7 +224,12 @@ void PoseByOthers(const MapperOptions& options, BuildState* build) {
   for (const RunIndex r : build->runs.indices()) {
     const std::vector<BuildModeRef> modes = ModesOf(build->runs[r]);
     const auto between = std::count_if(modes.begin(), modes.end(), may_be_between);
-    if (between > 0 && 2 * between <= std::ssize(modes)) runs.push_back(r);
+    const auto of_prior = std::count_if(modes.begin(), modes.end(), [&](const BuildModeRef& ref) {
+      return build->modes[ref.group][ref.mode].number != kAbsent;
+    });
+    if (between > 0 && 2 * between <= std::ssize(modes) && of_prior >= kMinTyingModes) {
+      runs.push_back(r);
+    }
   }
   if (runs.empty()) return;
   BuildState without = *build;
@@ -237,7 +242,7 @@ void PoseByOthers(const MapperOptions& options, BuildState* build) {
   }
   DropUnusedModes(&without);
   SolveContinuous(options, &without);
-  for (const RunIndex r : build->runs.indices()) build->runs[r].poses = without.runs[r].poses;
+  for (const RunIndex r : runs) build->runs[r].poses = std::move(without.runs[r].poses);
 }
 
 // What is discrete in all runs together, where every run is where the others say, without those
@@ -256,7 +261,7 @@ int RefineAndRelocate(const MapperOptions& options,
        ++round) {
     iterations += refine();
   }
-  while ((RemoveUndecidedRun(options, build) || RemoveMisfitRun(options, build)) &&
+  while ((RemoveUndecidedRun(options, build, on_step) || RemoveMisfitRun(options, build)) &&
          !build->runs.empty() && (!on_step || on_step(*build))) {
     iterations += refine();
   }

@@ -135,7 +135,8 @@ struct PlausibilityOptions {
 /// When a run lays a second map beside that of the others, and how it is put back
 /// (RelocateMisregisteredRuns).
 struct RelocationOptions {
-  /// As many visits in a row, or landmarks, that others know elsewhere may be none that moved.
+  /// A run is tried elsewhere if other runs know this number of its landmarks elsewhere, or those
+  /// of this number of its visits in a row.
   int min_visits = 6;
 
   /// Visits of a part: enough of them to be aligned, and no loop to close.

@@ -246,9 +246,9 @@ class Shift {
 
 // Areas of a store of which the log saw at least as many landmarks as of the one that it was
 // localized in: areas may name their landmarks alike.
-StatusOr<std::vector<std::string>> BetterAreas(const RunSummary& summary,
-                                               const std::string& area,
-                                               MapStore* store) {
+StatusOr<std::vector<std::string>> OtherAreas(const RunSummary& summary,
+                                              const std::string& area,
+                                              MapStore* store) {
   std::vector<std::string> better;
   SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<AreaSummary> areas, store->Areas());
   for (const AreaSummary& other : areas) {
@@ -277,7 +277,7 @@ Status ReportNotLocalized(const RunOptions& options,
     return OkStatus();
   }
   SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<std::string> better,
-                            BetterAreas(summary, options.area, store));
+                            OtherAreas(summary, options.area, store));
   context->Attend(fmt::format("run log '{}': not localized, area '{}' has {} of the {} landmarks "
                               "that it saw{}{}",
                               options.run,

@@ -45,7 +45,8 @@ Status LoadMemory(const AreaBuildOptions& options,
                   const Context& context,
                   PriorMap* prior);
 
-/// The version that one of these was built on; nothing if it is the first, or none of them.
+/// The version that `version` was built on; nothing of the first one, and of one that `versions`
+/// does not have.
 std::optional<VersionNumber> ParentOf(VersionNumber version,
                                       const std::vector<VersionSummary>& versions);
 

@@ -16,6 +16,7 @@
 #include "mapper/frontend/frame_motions.h"
 #include "mapper/frontend/run_parts.h"
 #include "mapper/modes/mode_merging.h"
+#include "mapper/parallel.h"
 #include "mapper/registration/misfit_runs.h"
 #include "mapper/registration/mode_match.h"
 #include "mapper/registration/run_map_alignment.h"
@@ -31,16 +32,17 @@ namespace {
 // may have moved since.
 using Owners = IndexedVector<GroupIndex, IndexedVector<GroupModeIndex, int>>;
 
-Owners NoOwners(const BuildState& build) {
-  Owners owners;
-  for (const GroupModes& group : build.modes) owners.emplace_back(group.size());
-  return owners;
-}
-
 void AddOwner(const BuildRun& run, int change, Owners* owners) {
   for (const auto& [group, mode] : ModesOf(run)) {
     (*owners)[group][mode] += change;
   }
+}
+
+Owners OwnersOf(const BuildState& build) {
+  Owners owners;
+  for (const GroupModes& group : build.modes) owners.emplace_back(group.size());
+  for (const BuildRun& run : build.runs) AddOwner(run, 1, &owners);
+  return owners;
 }
 
 // How the visits of a run, or of a stretch of it, agree with the others. Only visits that make a
@@ -223,29 +225,34 @@ BuildState Among(const MapperOptions& options,
   return alone;
 }
 
-// A run as it is assigned, with the modes of others held.
-struct FitAmong {
-  double cost = 0.0;  // The least, and what each mode of its own does.
-  bool fits = false;  // Whether others bend it by no more than its errors and theirs do.
-};
-
-FitAmong FitRunAmong(const MapperOptions& options,
-                     const BuildState& build,
-                     const Owners& others,
-                     const BuildRun& run) {
+// The same, solved.
+BuildState SolvedAmong(const MapperOptions& options,
+                       const BuildState& build,
+                       const Owners& others,
+                       const BuildRun& run) {
   BuildState alone = Among(options, build, others, run);
   SolveContinuous(options, &alone);  // Its parts may be metres from where they belong.
   alone.loss_reach = build.loss_reach;
   SolveContinuous(options, &alone);
-  const auto held = static_cast<int>(alone.priors.size());
-  const double cost = alone.cost;
-  alone.priors.clear();
-  SolveContinuous(options, &alone);
+  return alone;
+}
+
+// What a run costs among others, with its own modes.
+double CostAmong(const BuildState& solved) {
+  const auto own = FlatModes(solved).end.value() - std::ssize(solved.priors);
+  return solved.cost + kModeCost * static_cast<double>(own);
+}
+
+// Whether others bend a run by no more than its errors and theirs do.
+bool FitsAmong(const MapperOptions& options, BuildState solved) {
+  const double joined = solved.cost;
+  const auto held = static_cast<int>(solved.priors.size());
+  solved.priors.clear();
+  SolveContinuous(options, &solved);
   const double limit =
       options.deformation.variance_factor *
       ChiSquareQuantile(options.deformation.contradiction, std::max(1, 2 * held - 3));
-  return {cost + kModeCost * static_cast<double>(FlatModes(alone).end.value() - held),
-          2.0 * (cost - alone.cost) <= limit};
+  return 2.0 * (joined - solved.cost) <= limit;
 }
 
 // The run with each landmark at the place of others that it is nearest to, whatever that bends.
@@ -266,8 +273,8 @@ BuildRun Pulled(const MapperOptions& options,
   return pulled;
 }
 
-// The same. What is not there then, to half of the distance that counts for parts that may be
-// turned, has moved.
+// The run pulled to the places of others. A visit that is not at one then, to half of the distance
+// that counts for parts that may be turned, is of a landmark that moved.
 BuildRun PulledOnto(const MapperOptions& options,
                     const BuildState& build,
                     const Owners& others,
@@ -278,8 +285,8 @@ BuildRun PulledOnto(const MapperOptions& options,
   return pulled;
 }
 
-// The run with the landmarks that it has elsewhere where others have them, and those that it must
-// then have elsewhere not there: where both are pulled on, these give way.
+// The run with stayed and moved exchanged: the landmarks that it has elsewhere are where others
+// have them. Of its other landmarks those have moved that the pulled run has elsewhere.
 BuildRun Exchanged(const MapperOptions& options,
                    const BuildState& build,
                    const Owners& others,
@@ -305,13 +312,14 @@ std::optional<BuildRun> Relocate(const MapperOptions& options,
   if (!lays_second_map && std::ssize(before.elsewhere) < options.relocation.min_visits) {
     return std::nullopt;
   }
-  double least = FitRunAmong(options, build, others, run).cost;
+  double least = CostAmong(SolvedAmong(options, build, others, run));
   std::optional<BuildRun> best;
   const auto consider = [&](BuildRun moved, bool has_to_fit) {
     if (AgreementOf(options.modes, moved, others).shared <= before.shared) return;
-    const FitAmong fit = FitRunAmong(options, build, others, moved);
-    if (fit.cost >= least || (has_to_fit && !fit.fits)) return;
-    least = fit.cost;
+    const BuildState solved = SolvedAmong(options, build, others, moved);
+    const double cost = CostAmong(solved);
+    if (cost >= least || (has_to_fit && !FitsAmong(options, solved))) return;
+    least = cost;
     best = std::move(moved);
   };
   consider(PulledOnto(options, build, others, run), true);
@@ -336,10 +344,13 @@ std::vector<GroupIndex> StayedGroups(const Owners& others, const BuildRun& run) 
   return groups;
 }
 
+// Beyond this, odds are no more told apart.
+constexpr double kMaxLogOdds = 50.0;
+
 // A run of which the landmarks that seem to have moved may be those that stayed.
 struct UndecidedRun {
   RunIndex run;
-  double excess = 0.0;  // Of the cost of that over the present one.
+  double excess = 0.0;  // How much more it costs that they stayed.
   Explanations explanations;
 };
 
@@ -350,10 +361,11 @@ std::optional<UndecidedRun> FindUndecided(const MapperOptions& options,
   const BuildRun& run = build.runs[r];
   const std::set<GroupIndex> elsewhere = AgreementOf(options.modes, run, others).elsewhere;
   if (elsewhere.size() < kMinPartSignatures) return std::nullopt;
+  if (std::ssize(ModesOf(run)) > options.confirmation.max_modes) return std::nullopt;
   const BuildRun exchanged = Exchanged(options, build, others, elsewhere, run);
-  const double excess = FitRunAmong(options, build, others, exchanged).cost -
-                        FitRunAmong(options, build, others, run).cost;
-  if (excess >= kModeCost) return std::nullopt;
+  const double excess = CostAmong(SolvedAmong(options, build, others, exchanged)) -
+                        CostAmong(SolvedAmong(options, build, others, run));
+  if (!(excess < kModeCost)) return std::nullopt;  // Nor if either solve diverged.
   const std::vector<GroupIndex> stayed = StayedGroups(others, run);
   const std::vector<GroupIndex> stayed_then = StayedGroups(others, exchanged);
   std::vector<GroupIndex> groups;
@@ -362,7 +374,7 @@ std::optional<UndecidedRun> FindUndecided(const MapperOptions& options,
                  stayed_then.begin(),
                  stayed_then.end(),
                  std::back_inserter(groups));
-  const double probability = 1.0 / (1.0 + std::exp(-excess));
+  const double probability = 1.0 / (1.0 + std::exp(std::min(-excess, kMaxLogOdds)));
   return UndecidedRun{
       r,
       excess,
@@ -372,15 +384,23 @@ std::optional<UndecidedRun> FindUndecided(const MapperOptions& options,
 
 }  // namespace
 
-bool RemoveUndecidedRun(const MapperOptions& options, BuildState* build) {
-  Owners owners = NoOwners(*build);
-  for (const BuildRun& run : build->runs) AddOwner(run, 1, &owners);
+bool RemoveUndecidedRun(const MapperOptions& options,
+                        BuildState* build,
+                        const StepCallback& on_step) {
+  MapperOptions of_one = options;
+  of_one.threads = 1;
+  const Owners owners = OwnersOf(*build);
+  std::vector<std::optional<UndecidedRun>> undecided(build->runs.size());
+  ForEachIndex(build->runs.size(), options.threads, [&](std::size_t i) {
+    if (on_step && !on_step(*build)) return;
+    const RunIndex r(i);
+    Owners others = owners;
+    AddOwner(build->runs[r], -1, &others);
+    undecided[i] = FindUndecided(of_one, *build, others, r);
+  });
   std::optional<UndecidedRun> worst;
-  for (const RunIndex r : build->runs.indices()) {
-    AddOwner(build->runs[r], -1, &owners);
-    std::optional<UndecidedRun> found = FindUndecided(options, *build, owners, r);
+  for (std::optional<UndecidedRun>& found : undecided) {
     if (found && (!worst || found->excess <= worst->excess)) worst = std::move(found);
-    AddOwner(build->runs[r], 1, &owners);
   }
   if (!worst) return false;
   LetWait(worst->run, build).explanations = std::move(worst->explanations);
@@ -390,10 +410,10 @@ bool RemoveUndecidedRun(const MapperOptions& options, BuildState* build) {
 int RelocateMisregisteredRuns(const MapperOptions& options,
                               BuildState* build,
                               const StepCallback& on_step) {
-  Owners owners = NoOwners(*build);
-  for (const BuildRun& run : build->runs) AddOwner(run, 1, &owners);
+  Owners owners = OwnersOf(*build);
   int count = 0;
   for (BuildRun& run : build->runs) {
+    if (on_step && !on_step(*build)) break;
     AddOwner(run, -1, &owners);
     if (std::optional<BuildRun> moved = Relocate(options, *build, owners, run, on_step)) {
       run = *std::move(moved);

@@ -20,9 +20,12 @@ int RelocateMisregisteredRuns(const MapperOptions& options,
                               BuildState* build,
                               const StepCallback& on_step = {});
 
-/// Takes out a run of which some landmarks are known elsewhere, and that others of its landmarks
-/// moved instead is about as likely: half of a hall, which nothing else holds. Of several the least
-/// decided. It waits (LetWait). Nothing is solved. Returns false if all are decided.
-bool RemoveUndecidedRun(const MapperOptions& options, BuildState* build);
+/// Lets a run wait (LetWait) of which it is not decided which landmarks moved, as of a hall that
+/// nothing else holds: that those stayed that other runs of the build have elsewhere costs less
+/// than kModeCost more. Of several, the run of which it costs least. Runs of more than
+/// ConfirmationOptions::max_modes count as decided. Nothing is solved. Returns false if all are.
+bool RemoveUndecidedRun(const MapperOptions& options,
+                        BuildState* build,
+                        const StepCallback& on_step = {});
 
 }  // namespace shiftmap

@@ -134,9 +134,8 @@ BuildState MapFromPoses(const MapperOptions& options,
   BuildState mapped = MapOnce(options, build, on_step, run);
   if (ModesBesideFirst(mapped) == 0 || (on_step && !on_step(mapped))) return mapped;
   run.poses = mapped.runs.front().poses;
-  BuildRun from_one_place = run;
-  from_one_place.poses = PulledTogether(options, build, std::move(run));
-  BuildState pulled = MapOnce(options, build, on_step, std::move(from_one_place));
+  run.poses = PulledTogether(options, build, run);
+  BuildState pulled = MapOnce(options, build, on_step, std::move(run));
   return CostOf(pulled) < CostOf(mapped) ? std::move(pulled) : std::move(mapped);
 }
 

@@ -109,7 +109,10 @@ void MoveBuild(const Se2& T_map_old, BuildState* build) {
     for (Se2& pose : run.poses) pose = T_map_old * pose;
   }
   for (GroupModes& group : build->modes) {
-    for (BuildMode& mode : group) mode.p_map_landmark = T_map_old * mode.p_map_landmark;
+    for (BuildMode& mode : group) {
+      mode.p_map_landmark = T_map_old * mode.p_map_landmark;
+      if (mode.displaced_to) mode.displaced_to = T_map_old * *mode.displaced_to;
+    }
   }
   for (KeptAlternatives& kept : build->kept) {
     for (KeptAlternatives::Doubt& doubt : kept.doubts) doubt.place = T_map_old * doubt.place;

@@ -11,8 +11,8 @@
 namespace shiftmap {
 
 /// Whether a state of this probability is taken for the one that holds: it is more probable than
-/// all others together, by more than the digits that are printed.
-inline bool IsDecided(double probability) { return probability > 0.50005; }
+/// all others together, by more than three digits tell.
+inline bool IsDecided(double probability) { return probability > 0.5005; }
 
 /// What the map says of the landmark in one or two lines, and from what.
 std::string VerdictText(const LandmarkHistory& history);

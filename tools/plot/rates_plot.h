@@ -8,9 +8,9 @@
 
 namespace shiftmap {
 
-/// The leave rates of a map's landmarks with their intervals as an SVG picture, sorted, on a
-/// logarithmic axis. Of more landmarks than have room for a row with a name each, rows are thin and
-/// without names.
+/// The move rates (MoveRate) of a map's landmarks with their intervals as an SVG picture, sorted,
+/// on a logarithmic axis. Of more landmarks than have room for a row with a name each, rows are
+/// thin and without names.
 std::string PlotRates(const MapSnapshot& map, const MoveRates& rates);
 
 }  // namespace shiftmap

@@ -184,20 +184,26 @@ TEST(BuildMap, TwoPlacesFarFromEachOtherLeaveNoRunOut) {
 // With odometry of more noise no rigid transform joins two runs. Which of the few landmarks of a
 // hall moved is not always told.
 TEST(BuildMap, TwoPlacesFarFromEachOtherHaveSecondModesOfWhatMoved) {
+  constexpr std::uint64_t kWorlds = 12;
   for (const int moved : {0, 2}) {
     int wrong = 0;
-    for (std::uint64_t seed = 1; seed <= 12; ++seed) {
+    std::uint64_t whole = 0;
+    for (std::uint64_t seed = 1; seed <= kWorlds; ++seed) {
       const SimulatedWorld world =
           testing::TwoHalls(seed, 3, {.noise_v = 0.03, .noise_omega = 0.03}, moved);
       const MapperResult result = Build(testing::Inputs(world));
       if (result.runs.size() < world.runs.size()) continue;  // Said.
+      ++whole;
       for (std::size_t i = 0; i < world.groups.size(); ++i) {
         const LandmarkGroup& group = result.content.groups.at(i);
         ASSERT_EQ(group.signature, world.groups[i].signature);
         wrong += static_cast<int>(group.modes.size() != world.groups[i].modes.size());
       }
     }
+    std::printf(
+        "%d moved: %llu whole, %d wrong\n", moved, static_cast<unsigned long long>(whole), wrong);
     EXPECT_LE(wrong, moved == 0 ? 0 : 5);
+    EXPECT_GE(whole, kWorlds / 2);
   }
 }
 
@@ -210,10 +216,11 @@ TEST(BuildMap, WhichHalfOfAFarPlaceMovedIsDecidedByTheLargerOne) {
       const SimulatedWorld world =
           testing::TwoHalls(seed, 3, {.noise_v = 0.02, .noise_omega = 0.005}, moved);
       const MapperResult result = Build(testing::Inputs(world));
-      if (result.runs.size() < world.runs.size()) {
-        ++waiting;
-        continue;
+      if (!result.ambiguous_changes.empty()) {
+        const AmbiguousChange& change = result.ambiguous_changes.front();
+        waiting += change.waits && change.explanations.size() == 2;
       }
+      if (result.runs.size() < world.runs.size()) continue;  // Said.
       wrong += std::any_of(result.content.groups.begin(),
                            result.content.groups.end(),
                            [&](const LandmarkGroup& group) {
@@ -222,8 +229,13 @@ TEST(BuildMap, WhichHalfOfAFarPlaceMovedIsDecidedByTheLargerOne) {
                                     world.groups[static_cast<std::size_t>(i)].modes.size();
                            });
     }
+    std::printf("%d moved: %d wrong, %d wait\n", moved, wrong, waiting);
     EXPECT_LE(wrong, moved == 3 ? 0 : 1);
-    EXPECT_LE(waiting, moved == 3 ? 1 : 8);
+    if (moved == 3) {
+      EXPECT_LE(waiting, 1);
+    } else {
+      EXPECT_GE(waiting, 5);
+    }
   }
 }
 
