@@ -238,10 +238,13 @@ BuildState MapByParts(const MapperOptions& options,
 
 void PullTogether(const MapperOptions& options, BuildState* build) {
   constexpr double kLossScales[] = {100.0, 15.0};  // [standard deviations]
+  constexpr double kCostTolerance = 1e-3;          // The poses are those to solve on from.
+  SolverLimits coarse = options.solver;
+  coarse.cost_tolerance = std::max(kCostTolerance, coarse.cost_tolerance);
   Graph graph = MakeGraph(options, build);
   for (const double scale : kLossScales) {
     graph.loss_scale = scale;
-    SolveGraph(options.solver, &graph);
+    SolveGraph(coarse, &graph);
   }
   build->runs.front().poses = std::move(graph.runs.front().poses);
 }
