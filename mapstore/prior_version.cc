@@ -3,8 +3,9 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <vector>
+
+#include "mapstore/find_version.h"
 
 namespace shiftmap {
 namespace {
@@ -37,9 +38,8 @@ StatusOr<std::optional<VersionNumber>> FindPriorVersion(
   SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<VersionSummary> versions, store->Versions(area));
   std::optional<VersionNumber> at = version;
   while (at) {
-    const auto summary = std::find_if(
-        versions.begin(), versions.end(), [&](const auto& other) { return other.version == *at; });
-    if (summary == versions.end()) return std::optional<VersionNumber>();
+    const VersionSummary* const summary = FindVersion(versions, *at);
+    if (summary == nullptr) return std::optional<VersionNumber>();
     if (summary->content_stored) {
       SHIFTMAP_ASSIGN_OR_RETURN(const std::string taken_out, TakenOut(area, *at, store));
       if (taken_out.empty()) break;

@@ -23,6 +23,7 @@
 #include "mapstore/core/count_text.h"
 #include "mapstore/core/folder.h"
 #include "mapstore/core/memory_bound.h"
+#include "mapstore/find_version.h"
 
 namespace shiftmap {
 namespace {
@@ -237,7 +238,7 @@ StatusOr<int> CountSetAside(const std::string& area,
                             MapStore* store) {
   if (!before) return 0;
   SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<VersionSummary> versions, store->Versions(area));
-  const std::optional<VersionNumber> parent = ParentOf(version, versions);
+  const std::optional<VersionNumber> parent = ParentOf(versions, version);
   const bool beside =
       parent != before || std::any_of(versions.begin(), versions.end(), [&](const auto& other) {
         return other.parent == parent && other.version != version;

@@ -7,6 +7,7 @@
 #include <string>
 
 #include "mapstore/cli/store_access.h"
+#include "mapstore/find_version.h"
 #include "mapstore/prior_version.h"
 
 namespace shiftmap {
@@ -48,7 +49,7 @@ Status FindFallenOut(const AreaBuildOptions& options, MapStore* store, PriorMap*
           FindExclusion(prior->exclusions, run.identity(), run.vehicle, run.begin) != nullptr;
       if (!rests && !excluded) prior->fallen_out.push_back(run);
     }
-    at = ParentOf(*at, versions);
+    at = ParentOf(versions, *at);
   }
   return OkStatus();
 }
@@ -63,7 +64,7 @@ StatusOr<std::vector<RunRecord>> LoadOlderRuns(const std::string& area,
   SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<VersionSummary> versions, store->Versions(area));
   std::vector<RunRecord> runs;
   for (std::optional<VersionNumber> at = version; at && runs.size() < kMostRuns;
-       at = ParentOf(*at, versions)) {
+       at = ParentOf(versions, *at)) {
     SHIFTMAP_ASSIGN_OR_RETURN(const Provenance provenance, store->LoadProvenance(area, *at));
     for (const RunRecord& run : provenance.runs) {
       if (run.trajectory.empty() || without_runs.contains(run.sha256) ||
@@ -78,21 +79,13 @@ StatusOr<std::vector<RunRecord>> LoadOlderRuns(const std::string& area,
 
 }  // namespace
 
-std::optional<VersionNumber> ParentOf(VersionNumber version,
-                                      const std::vector<VersionSummary>& versions) {
-  const auto summary = std::find_if(versions.begin(), versions.end(), [&](const auto& other) {
-    return other.version == version;
-  });
-  return summary == versions.end() ? std::nullopt : summary->parent;
-}
-
 StatusOr<PriorMap> LoadPrior(const AreaBuildOptions& options, const Context& context) {
   PriorMap prior;
   std::error_code error;
   const bool exists = std::filesystem::exists(options.store, error);
   const bool needed = options.prior != "none" && options.prior != "published";
   if (!exists && !needed) return prior;
-  // Opened even without a prior: what is no store is better known before the work than after it.
+  // The store is opened also without a prior: a file that is no store fails before the build.
   SHIFTMAP_ASSIGN_OR_RETURN(MapStore store,
                             OpenStore(options.store, MapStore::Access::kReadOnly, context));
   SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<AreaSummary> areas, store.Areas());

@@ -45,9 +45,4 @@ Status LoadMemory(const AreaBuildOptions& options,
                   const Context& context,
                   PriorMap* prior);
 
-/// The version that `version` was built on; nothing of the first one, and of one that `versions`
-/// does not have.
-std::optional<VersionNumber> ParentOf(VersionNumber version,
-                                      const std::vector<VersionSummary>& versions);
-
 }  // namespace shiftmap

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tools/inspect/plot_pictures.h"
 
-#include <algorithm>
 #include <filesystem>
 #include <optional>
 
 #include "localizer/recording/shift_recording.h"
 #include "mapstore/core/clock.h"
 #include "mapstore/core/parse_whole.h"
+#include "mapstore/find_version.h"
 #include "mapstore/map/frame_change.h"
 #include "tools/eval/trajectory_error.h"
 #include "tools/inspect/landmark_history.h"
@@ -29,14 +29,6 @@ Json AboutMap(const MapSnapshot& map) {
   return {{"area", map.area()}, {"version", map.version().value()}};
 }
 
-// The summary of a version; null if the area has no such version.
-const VersionSummary* Find(const std::vector<VersionSummary>& versions, VersionNumber version) {
-  const auto at = std::find_if(versions.begin(), versions.end(), [&](const auto& candidate) {
-    return candidate.version == version;
-  });
-  return at == versions.end() ? nullptr : &*at;
-}
-
 // The runs that a version was built from, and those of its ancestors, in the frame of that version.
 struct LineRuns {
   std::vector<RunRecord> own;  // Of a version of edits: those of the build that it rests on.
@@ -47,12 +39,12 @@ StatusOr<LineRuns> RunsOfLine(const std::string& area, VersionNumber version, Ma
   SHIFTMAP_ASSIGN_OR_RETURN(const auto versions, store->Versions(area));
   SHIFTMAP_ASSIGN_OR_RETURN(Provenance own, store->LoadProvenance(area, version));
   LineRuns runs{std::move(own.runs), {}};
-  const VersionSummary* at = Find(versions, version);
+  const VersionSummary* at = FindVersion(versions, version);
   Se2 T_version_at;
   for (std::size_t i = 0; i < kMostVersions && at != nullptr && at->parent; ++i) {
     SHIFTMAP_ASSIGN_OR_RETURN(const Se2 T_at_parent, store->FrameStep(area, at->version));
     T_version_at = T_version_at * T_at_parent;
-    at = Find(versions, *at->parent);
+    at = FindVersion(versions, *at->parent);
     if (at == nullptr) break;
     SHIFTMAP_ASSIGN_OR_RETURN(Provenance provenance, store->LoadProvenance(area, at->version));
     std::vector<RunRecord>& to = runs.own.empty() ? runs.own : runs.earlier;

@@ -7,6 +7,7 @@
 #include "mapstore/core/clock.h"
 #include "mapstore/core/inert_text.h"
 #include "mapstore/core/nearest_name.h"
+#include "mapstore/find_version.h"
 #include "mapstore/geometry/covariance.h"
 #include "mapstore/map/frame_change.h"
 #include "mapstore/prior_version.h"
@@ -94,10 +95,7 @@ StatusOr<std::optional<VersionNumber>> ParentOf(const std::string& area,
                                                 VersionNumber version,
                                                 MapStore* store) {
   SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<VersionSummary> versions, store->Versions(area));
-  for (const VersionSummary& other : versions) {
-    if (other.version == version) return other.parent;
-  }
-  return std::optional<VersionNumber>();
+  return ParentOf(versions, version);
 }
 
 StatusOr<std::size_t> FindLandmark(const MapSnapshot& map, const std::string& signature) {
@@ -126,11 +124,9 @@ Status NameLandmark(const Status& status,
 
 StatusOr<MapSnapshot> LoadAsBuilt(const std::string& area, VersionNumber version, MapStore* store) {
   SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<VersionSummary> versions, store->Versions(area));
-  std::optional<Stamp> stamp;
-  for (const VersionSummary& other : versions) {
-    if (other.version == version) stamp = other.stamp;
-  }
-  return store->LoadAt(area, version, stamp);
+  const VersionSummary* const summary = FindVersion(versions, version);
+  return store->LoadAt(
+      area, version, summary == nullptr ? std::nullopt : std::optional(summary->stamp));
 }
 
 StatusOr<EarlierMap> LoadEarlier(VersionNumber version, const MapSnapshot& to, MapStore* store) {

@@ -12,6 +12,7 @@
 #include "mapstore/cli/version.h"
 #include "mapstore/core/clock.h"
 #include "mapstore/core/inert_text.h"
+#include "mapstore/find_version.h"
 #include "mapstore/map/frame_change.h"
 #include "tools/plot/free_network.h"
 #include "tools/view/compact_values.h"
@@ -142,10 +143,8 @@ StatusOr<MapSnapshot> DocumentWriter::Load(VersionNumber version, Stamp at) {
 }
 
 Stamp DocumentWriter::StampOf(VersionNumber number) const {
-  for (const VersionSummary& version : versions_) {
-    if (version.version == number) return version.stamp;
-  }
-  return Stamp();
+  const VersionSummary* const version = FindVersion(versions_, number);
+  return version == nullptr ? Stamp() : version->stamp;
 }
 
 // Without its rates, if they are too many for the page.
@@ -321,11 +320,7 @@ StatusOr<Json> DocumentWriter::RunsJson() {
       poses += run.trajectory.size();
       runs.emplace_back(*version, std::move(run));
     }
-    const auto found = std::find_if(versions_.begin(), versions_.end(), [&](const auto& other) {
-      return other.version == *version;
-    });
-    const std::optional<VersionNumber> parent =
-        found == versions_.end() ? std::nullopt : found->parent;
+    const std::optional<VersionNumber> parent = ParentOf(versions_, *version);
     SHIFTMAP_ASSIGN_OR_RETURN(const Se2 T_version_parent, store_->FrameStep(area_, *version));
     T_shown_version = T_shown_version * T_version_parent;
     if (parent) frames_[*parent] = T_shown_version;
