@@ -10,6 +10,7 @@
 #include "localizer/models/observation_model.h"
 #include "localizer/monitor/landmark_distances.h"
 #include "localizer/monitor/wrong_pose.h"
+#include "mapstore/geometry/covariance.h"
 #include "proto/core/check.h"
 
 namespace shiftmap {
@@ -58,17 +59,12 @@ bool HasNoHeading(const OdometryBuffer::Motion& motion, const PoseWithCovariance
   return pose.cov_T_map_vehicle(2, 2) > limit * limit;
 }
 
-// Nobody knows which landmarks are in reach: what is seen then may agree with any pose.
+// The position is too uncertain to know which landmarks are in reach: sightings may agree with any
+// pose.
 bool HasNoPlace(const PoseWithCovariance& pose, const SensorCalibration& sensor) {
   return pose.cov_T_map_vehicle.topLeftCorner<2, 2>().trace() >
              sensor.max_range_m * sensor.max_range_m ||
          IsNowhere(pose);
-}
-
-// In the direction in which it is largest. [m²]
-double PositionVariance(const PoseWithCovariance& pose) {
-  const Eigen::Matrix3d& cov = pose.cov_T_map_vehicle;
-  return 0.5 * (cov(0, 0) + cov(1, 1)) + std::hypot(0.5 * (cov(0, 0) - cov(1, 1)), cov(0, 1));
 }
 
 bool AtTwoPlaces(const Observation& a, const Observation& b, const SensorCalibration& sensor) {
@@ -296,7 +292,7 @@ void Localizer::Step(const WindowScan& step) {
   JudgeOutcomes(step.scan, events);
   const PoseWithCovariance best = bank_->best().filter.Pose();
   const PoseWithCovariance pose = bank_->Pose();
-  vague_ = PositionVariance(pose) > options_.max_position_sd_m * options_.max_position_sd_m;
+  vague_ = LargestSd(pose.cov_T_map_vehicle.topLeftCorner<2, 2>()) > options_.max_position_sd_m;
   const bool unlocalized =
       had_no_place || HasNoPlace(best, sensor) || HasNoHeading(step.motion, best);
   if (!health_.lost() && unlocalized) {
@@ -522,7 +518,7 @@ void Localizer::StartAt(const PoseWithCovariance& pose, std::size_t first) {
   }
 }
 
-// That of a scan which finds another pose: it is told by that one.
+// A scan that finds another pose gets its estimate from the replay with that pose.
 void Localizer::TakeBackEstimate(Stamp stamp) {
   if (new_estimates_.empty() || new_estimates_.back().stamp != stamp) return;
   new_estimates_.pop_back();

@@ -3,6 +3,7 @@
 
 #include <Eigen/Eigenvalues>
 #include <Eigen/LU>
+#include <algorithm>
 #include <boost/math/distributions/chi_squared.hpp>
 #include <cmath>
 #include <numbers>
@@ -13,9 +14,13 @@ namespace shiftmap {
 namespace {
 
 // Closed form: maps have tens of thousands of 2 x 2 covariances.
-double SmallestEigenvalue(const Eigen::Matrix2d& matrix) {
+double LargestEigenvalue(const Eigen::Matrix2d& matrix) {
   const double mean = 0.5 * (matrix(0, 0) + matrix(1, 1));
-  const double largest = mean + std::hypot(0.5 * (matrix(0, 0) - matrix(1, 1)), matrix(0, 1));
+  return mean + std::hypot(0.5 * (matrix(0, 0) - matrix(1, 1)), matrix(0, 1));
+}
+
+double SmallestEigenvalue(const Eigen::Matrix2d& matrix) {
+  const double largest = LargestEigenvalue(matrix);
   // By the determinant, which keeps its digits where the eigenvalues are far apart.
   return largest > 0.0 ? matrix.determinant() / largest : -1.0;
 }
@@ -44,6 +49,10 @@ double SquaredMahalanobis(const Eigen::Vector2d& nu, const Eigen::Matrix2d& S) {
 double SquaredMahalanobis(const Se2& T_map_a, const Se2& T_map_b, const Eigen::Matrix3d& cov) {
   const Eigen::Vector3d xi = (T_map_a.Inverse() * T_map_b).Log();
   return xi.dot(cov.inverse() * xi);
+}
+
+double LargestSd(const Eigen::Matrix2d& cov) {
+  return std::sqrt(std::max(0.0, LargestEigenvalue(cov)));
 }
 
 double LogGaussian(const Eigen::Vector2d& nu, const Eigen::Matrix2d& S) {

@@ -30,6 +30,9 @@ typename Derived::PlainObject Symmetrized(const Eigen::MatrixBase<Derived>& matr
   return 0.5 * (matrix + matrix.transpose());
 }
 
+/// The standard deviation of a 2 x 2 covariance in the direction in which it is largest.
+double LargestSd(const Eigen::Matrix2d& cov);
+
 /// log N(ν; 0, S) for a 2-vector. Precondition: S symmetric positive definite.
 double LogGaussian(const Eigen::Vector2d& nu, const Eigen::Matrix2d& S);
 

@@ -1,5 +1,4 @@
 // SPDX-License-Identifier: Apache-2.0
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <iterator>
@@ -9,6 +8,7 @@
 #include <vector>
 
 #include "mapstore/core/inert_text.h"
+#include "mapstore/geometry/covariance.h"
 #include "mapstore/maintenance/verify_rows.h"
 #include "mapstore/map/map_edit.h"
 #include "mapstore/store/edit_rows.h"
@@ -74,11 +74,6 @@ StatusOr<bool> IsComputed(Database& database,
   });
 }
 
-double LargestSd(const Mode& mode) {
-  const Eigen::Matrix2d& cov = mode.cov_p_map_landmark;
-  return std::sqrt(cov.selfadjointView<Eigen::Lower>().eigenvalues().maxCoeff());
-}
-
 // What of a map is not as its edits give it, but for what another release computes otherwise: the
 // landmarks, their modes, or a position by more than the map knows it. Nothing if all is.
 std::optional<std::string> FindDifference(const MapContent& map, const MapContent& from_edits) {
@@ -95,7 +90,9 @@ std::optional<std::string> FindDifference(const MapContent& map, const MapConten
       const Mode& a = map.groups[g].modes[i];
       const Mode& b = from_edits.groups[g].modes[i];
       const double off = (a.p_map_landmark - b.p_map_landmark).norm();
-      if (off <= 3.0 * std::max(LargestSd(a), LargestSd(b)) + kRounding) continue;
+      if (off <= 3.0 * std::max(LargestSd(a.cov_p_map_landmark), LargestSd(b.cov_p_map_landmark)) +
+                     kRounding)
+        continue;
       return fmt::format("its edits put mode {} of '{}' {:.3f} m from where it is",
                          a.number.value(),
                          InertLine(map.groups[g].signature.text()),

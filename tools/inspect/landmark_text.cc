@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tools/inspect/landmark_text.h"
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
@@ -12,6 +11,7 @@
 #include "mapstore/core/day.h"
 #include "mapstore/core/inert_text.h"
 #include "mapstore/core/mode_name.h"
+#include "mapstore/geometry/covariance.h"
 #include "tools/inspect/move_rate_estimate.h"
 #include "tools/inspect/store_arguments.h"
 
@@ -153,12 +153,6 @@ Json VisitJson(const HistoryVisit& visit) {
       {"set_aside", visit.set_aside ? Json(Describe(*visit.set_aside)) : Json(nullptr)},
       {"probabilities",
        visit.probabilities.empty() ? Json(nullptr) : ProbabilitiesJson(visit.probabilities)}};
-}
-
-// Along the longer axis of the ellipse.
-double LargestSd(const Eigen::Matrix2d& covariance) {
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> solver(covariance);
-  return std::sqrt(std::max(solver.eigenvalues()(1), 0.0));
 }
 
 // What became of a mode.

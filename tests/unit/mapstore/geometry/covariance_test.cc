@@ -48,6 +48,19 @@ TEST(IsSymmetricPositiveDefiniteTest, TwoByTwoAgreesWithTheEigenvalues) {
   EXPECT_LT(positive, 1800);
 }
 
+TEST(LargestSdTest, IsTheRootOfTheLargestEigenvalue) {
+  std::mt19937_64 random(TestSeed(6));
+  std::normal_distribution<double> normal;
+  for (int i = 0; i < 200; ++i) {
+    const Eigen::Matrix2d root = Eigen::Matrix2d::NullaryExpr([&] { return normal(random); });
+    const Eigen::Matrix2d cov = root * root.transpose();
+    const double largest =
+        Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>(cov).eigenvalues().maxCoeff();
+    EXPECT_NEAR(LargestSd(cov), std::sqrt(largest), 1e-12) << cov;
+  }
+  EXPECT_EQ(LargestSd(Eigen::Matrix2d::Zero()), 0.0);
+}
+
 TEST(LogGaussianTest, IntegratesToOne) {
   Eigen::Matrix2d S;
   S << 0.5, 0.2, 0.2, 0.3;
