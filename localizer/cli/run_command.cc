@@ -290,11 +290,10 @@ Status ReportNotLocalized(const RunOptions& options,
   return OkStatus();
 }
 
-Status WriteResults(const RunOptions& options,
-                    const ShiftReport& report,
-                    const Context& context,
-                    Shift* shift,
-                    RunSummary* summary) {
+StatusOr<std::optional<ReturnResult>> WriteResults(const RunOptions& options,
+                                                   const ShiftReport& report,
+                                                   const Context& context,
+                                                   Shift* shift) {
   std::optional<MapStore> store;
   if (options.return_report && shift->localizer().Statistics().localized()) {
     SHIFTMAP_ASSIGN_OR_RETURN(
@@ -310,9 +309,9 @@ Status WriteResults(const RunOptions& options,
   }
   SHIFTMAP_RETURN_IF_ERROR(shift->FinishRecording());
   if (options.report) SHIFTMAP_RETURN_IF_ERROR(WriteShiftReport(report, *options.report));
-  if (!store) return OkStatus();
-  SHIFTMAP_ASSIGN_OR_RETURN(summary->returned, store->Return(report));
-  return OkStatus();
+  if (!store) return std::optional<ReturnResult>();
+  SHIFTMAP_ASSIGN_OR_RETURN(const ReturnResult returned, store->Return(report));
+  return std::optional(returned);
 }
 
 // Nothing of a localizer that dropped nothing.
@@ -387,7 +386,7 @@ Status RunShift(const RunOptions& options, Context& context) {
   WarnOfGaps(options.run, shift.localizer(), context);
   WarnOfNoLidar(options, shift.localizer(), context);
   if (!context.dry_run()) {
-    SHIFTMAP_RETURN_IF_ERROR(WriteResults(options, report, context, &shift, &summary));
+    SHIFTMAP_ASSIGN_OR_RETURN(summary.returned, WriteResults(options, report, context, &shift));
   }
   context.Report(RunJson(shift.localizer(), summary), RunText(shift.localizer(), summary));
   if (shift.localizer().Statistics().localized()) return OkStatus();

@@ -25,7 +25,8 @@ constexpr double kMissed = 3.0;
 // Landmarks that another pose must explain more: two fit some pose or other, always.
 constexpr int kMinGain = 3;
 
-// Sightings of a landmark that tell whether it stands, and landmarks that do not: one may be moved.
+// A landmark of fewer sightings counts neither as standing nor as adrift. Of the landmarks adrift
+// one may be carried, so that more are needed.
 constexpr int kMinSightings = 3;
 constexpr int kMinAdrift = 2;
 

@@ -20,7 +20,7 @@ void WarnOfMoving(const std::vector<MapperInput>& inputs,
                   const FrontEndOptions& options,
                   const Context& context);
 
-/// Says what is odd about runs of the map: carried vehicles, observations that are left out.
+/// Warns of runs of the map whose vehicle was carried, or with observations that are left out.
 void WarnOfOdd(const MapperResult& result, const Context& context);
 
 /// Says which runs are left out or wait, and why.

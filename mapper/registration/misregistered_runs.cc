@@ -312,13 +312,14 @@ std::optional<BuildRun> Relocate(const MapperOptions& options,
   if (!lays_second_map && std::ssize(before.elsewhere) < options.relocation.min_visits) {
     return std::nullopt;
   }
-  double least = CostAmong(SolvedAmong(options, build, others, run));
+  std::optional<double> least;  // Solved for only if a candidate is to be held against it.
   std::optional<BuildRun> best;
   const auto consider = [&](BuildRun moved, bool has_to_fit) {
     if (AgreementOf(options.modes, moved, others).shared <= before.shared) return;
+    if (!least) least = CostAmong(SolvedAmong(options, build, others, run));
     const BuildState solved = SolvedAmong(options, build, others, moved);
     const double cost = CostAmong(solved);
-    if (cost >= least || (has_to_fit && !FitsAmong(options, solved))) return;
+    if (cost >= *least || (has_to_fit && !FitsAmong(options, solved))) return;
     least = cost;
     best = std::move(moved);
   };
