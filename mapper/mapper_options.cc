@@ -117,6 +117,7 @@ Status MapperOptions::Validate() const {
       {"min_visits", relocation.min_visits, Range::kOneOrMore},
       {"part_visits", relocation.part_visits, Range::kOneOrMore},
       {"same_place_m", relocation.same_place_m, Range::kPositive},
+      {"max_turn_rad", relocation.max_turn_rad, Range::kNotNegative},
       {"prior_dof", disagreement.prior_dof, Range::kPositive},
       {"outlier_probability", disagreement.outlier_probability, Range::kProbability},
       {"expected_mean_square", disagreement.expected_mean_square, Range::kPositive},

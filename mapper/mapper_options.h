@@ -144,6 +144,10 @@ struct RelocationOptions {
 
   /// A visit this near to a mode of the others is of that. [m]
   double same_place_m = 1.0;
+
+  /// Two landmarks in a row may be displaced because the run is bent if their displacements differ
+  /// by `same_place_m` and a turn by this, and have moved if by more. [rad]
+  double max_turn_rad = 0.2;
 };
 
 /// How a run that is known badly at its far end is deformed onto the map.

@@ -85,6 +85,55 @@ ModeFilter HasOwner(const Owners& others) {
   return [&](GroupIndex group, GroupModeIndex mode) { return others[group][mode] > 0; };
 }
 
+// A landmark that others know elsewhere. [m]
+struct Displaced {
+  Eigen::Vector2d place;
+  Eigen::Vector2d displacement;  // To where others have it.
+};
+
+// In the order in which the run saw them.
+std::vector<Displaced> DisplacedLandmarks(const MapperOptions& options,
+                                          const BuildState& build,
+                                          const Owners& others,
+                                          const BuildRun& run) {
+  std::vector<Displaced> displaced;
+  std::set<GroupIndex> seen;
+  for (const VisitIndex v : run.assignment.indices()) {
+    const MappingVisit& visit = run.data->visits[v];
+    const OptionalMode mode = run.assignment[v];
+    if (!mode || !MakesMode(options.modes, visit) || others[visit.group][*mode] > 0) continue;
+    const GroupModes& modes = build.modes[visit.group];
+    const Eigen::Vector2d place = modes[*mode].p_map_landmark;
+    const OptionalMode known = FindNearest(build, visit.group, place, HasOwner(others)).mode;
+    if (!known || !seen.insert(visit.group).second) continue;
+    displaced.push_back({place, modes[*known].p_map_landmark - place});
+  }
+  return displaced;
+}
+
+// Whether a part of a run may be bent rather than its landmarks moved: some in a row, but for one
+// between two of them, are displaced together. Landmarks that moved went each its own way.
+bool MayBeBent(const MapperOptions& options,
+               const BuildState& build,
+               const Owners& others,
+               const BuildRun& run) {
+  const std::vector<Displaced> displaced = DisplacedLandmarks(options, build, others, run);
+  std::vector<std::size_t> in_row;
+  for (std::size_t i = 0; i < displaced.size(); ++i) {
+    std::size_t most = 1;
+    for (std::size_t j = i < 2 ? 0 : i - 2; j < i; ++j) {
+      const double apart = (displaced[i].place - displaced[j].place).norm();
+      const double differ = (displaced[i].displacement - displaced[j].displacement).norm();
+      const double limit =
+          options.relocation.same_place_m + options.relocation.max_turn_rad * apart;
+      if (differ <= limit) most = std::max(most, in_row[j] + 1);
+    }
+    if (most >= kMinPartSignatures) return true;
+    in_row.push_back(most);
+  }
+  return false;
+}
+
 // The modes of others in the groups that a run has seen.
 AlignmentPoints Reference(const BuildState& build, const Owners& others, const BuildRun& run) {
   std::set<GroupIndex> groups;
@@ -309,7 +358,8 @@ std::optional<BuildRun> Relocate(const MapperOptions& options,
                                  const StepCallback& on_step) {
   const Agreement before = AgreementOf(options.modes, run, others);
   const bool lays_second_map = before.contradicting_row >= options.relocation.min_visits;
-  if (!lays_second_map && std::ssize(before.elsewhere) < options.relocation.min_visits) {
+  if (!lays_second_map && (std::ssize(before.elsewhere) < options.relocation.min_visits ||
+                           !MayBeBent(options, build, others, run))) {
     return std::nullopt;
   }
   std::optional<double> least;  // Solved for only if a candidate is to be held against it.
@@ -360,9 +410,9 @@ std::optional<UndecidedRun> FindUndecided(const MapperOptions& options,
                                           const Owners& others,
                                           RunIndex r) {
   const BuildRun& run = build.runs[r];
-  const std::set<GroupIndex> elsewhere = AgreementOf(options.modes, run, others).elsewhere;
-  if (elsewhere.size() < kMinPartSignatures) return std::nullopt;
   if (std::ssize(ModesOf(run)) > options.confirmation.max_modes) return std::nullopt;
+  if (!MayBeBent(options, build, others, run)) return std::nullopt;
+  const std::set<GroupIndex> elsewhere = AgreementOf(options.modes, run, others).elsewhere;
   const BuildRun exchanged = Exchanged(options, build, others, elsewhere, run);
   const double excess = CostAmong(SolvedAmong(options, build, others, exchanged)) -
                         CostAmong(SolvedAmong(options, build, others, run));

@@ -7,8 +7,9 @@
 namespace shiftmap {
 
 /// Puts runs back that lay a second map beside that of the others, or beside a part of it: in which
-/// visit after visit, at least some in a row, or as many landmarks are known at another place.
-/// Landmarks that moved stand among others that did not.
+/// visit after visit, at least some in a row, or as many landmarks are known at another place, some
+/// of them displaced together. Landmarks that moved stand among others that did not, and went each
+/// its own way.
 ///
 /// Such a run is pulled to where the others have its landmarks, whatever that bends: what two runs
 /// say of a hall far away differs by metres, and no rigid transform joins them. If its visits are
@@ -23,7 +24,8 @@ int RelocateMisregisteredRuns(const MapperOptions& options,
 /// Lets a run wait (LetWait) of which it is not decided which landmarks moved, as of a hall that
 /// nothing else holds: that those stayed that other runs of the build have elsewhere costs less
 /// than kModeCost more. Of several, the run of which it costs least. Runs of more than
-/// ConfirmationOptions::max_modes count as decided. Nothing is solved. Returns false if all are.
+/// ConfirmationOptions::max_modes count as decided, and those of which no landmarks are displaced
+/// together. Nothing is solved. Returns false if all are.
 bool RemoveUndecidedRun(const MapperOptions& options,
                         BuildState* build,
                         const StepCallback& on_step = {});

@@ -28,8 +28,9 @@ using testing::SmallWorld;
 using testing::StatusIs;
 
 MapperResult Build(std::vector<MapperInput> inputs,
-                   const std::optional<MapContent>& prior = std::nullopt) {
-  StatusOr<MapperResult> result = BuildMap(std::move(inputs), prior, MapperOptions());
+                   const std::optional<MapContent>& prior = std::nullopt,
+                   const MapperOptions& options = {}) {
+  StatusOr<MapperResult> result = BuildMap(std::move(inputs), prior, options);
   SHIFTMAP_CHECK(result.ok(), "{}", Message(result.status()));
   return *std::move(result);
 }
@@ -204,6 +205,25 @@ TEST(BuildMap, TwoPlacesFarFromEachOtherHaveSecondModesOfWhatMoved) {
         "%d moved: %llu whole, %d wrong\n", moved, static_cast<unsigned long long>(whole), wrong);
     EXPECT_LE(wrong, moved == 0 ? 0 : 5);
     EXPECT_GE(whole, kWorlds / 2);
+  }
+}
+
+// The far hall of this world is turned by more than a tenth of a radian in one run.
+TEST(BuildMap, AFarPlaceIsBentBackIfItMayBeTurned) {
+  const SimulatedWorld world = testing::TwoHalls(5, 3, {.noise_v = 0.03, .noise_omega = 0.03}, 0);
+  MapperOptions options;
+  for (const bool may_be_turned : {true, false}) {
+    if (!may_be_turned) options.relocation.max_turn_rad = 0.0;
+    const MapperResult result = Build(testing::Inputs(world), std::nullopt, options);
+    const auto moved = std::count_if(
+        result.content.groups.begin(), result.content.groups.end(), [](const LandmarkGroup& group) {
+          return group.modes.size() > 1;
+        });
+    if (may_be_turned) {
+      EXPECT_EQ(moved, 0);
+    } else {
+      EXPECT_GT(moved, 0);
+    }
   }
 }
 
