@@ -66,7 +66,10 @@ std::vector<MappingRun> PrepareRuns(const std::vector<MapperInput>& inputs,
     if (run.sightings.empty()) {
       std::string reason = "no identified landmark is seen";
       if (run.anonymous_observations > 0) {
-        reason += fmt::format(", {} observations have no signature", run.anonymous_observations);
+        reason += fmt::format(
+            ", {} observations have no signature{}",
+            run.anonymous_observations,
+            options.association.associate ? ", and too few of them can be associated" : "");
       }
       rejected->push_back({input.name, std::move(reason)});
     } else {

@@ -268,6 +268,9 @@ Status AssociationOptions::Validate() const {
   if (!(separation_m >= 0.0) || !(duplicate_distance_m >= 0.0)) {
     return InvalidArgument("separation_m and duplicate_distance_m: expected 0 or more");
   }
+  if (!(min_associated_share >= 0.0 && min_associated_share <= 1.0)) {
+    return InvalidArgument("min_associated_share: expected within [0, 1]");
+  }
   return OkStatus();
 }
 

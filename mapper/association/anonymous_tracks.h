@@ -43,6 +43,11 @@ struct AssociationOptions {
   /// are one landmark. [m]
   double duplicate_distance_m = 1.0;
 
+  /// Of a run's anonymous observations, the share that must belong to a track for any to be used:
+  /// a pose that is lost by wrong associations finds no landmark where it expects it, and goes on
+  /// to lay a second map.
+  double min_associated_share = 0.5;
+
   /// Errors: kInvalidArgument naming the first member out of range.
   Status Validate() const;
 };

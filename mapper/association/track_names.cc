@@ -30,6 +30,7 @@ Status NameTracks(int number,
   }
   const AnonymousAssociation found =
       AssociateAnonymous(*run, calibration, options, front_end, on_step);
+  if (found.associated < options.min_associated_share * found.observations) return OkStatus();
   for (std::size_t i = 0; i < run->scans.size(); ++i) {
     for (std::size_t j = 0; j < run->scans[i].observations.size(); ++j) {
       const int track = found.track_of[i][j];

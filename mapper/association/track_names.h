@@ -19,7 +19,8 @@ Signature TrackSignature(int run, int track);
 bool IsTrackSignature(const Signature& signature);
 
 /// Gives each anonymous observation that AssociateAnonymous() finds a track for the name of that
-/// track; others stay anonymous. From there on the run is like one with signatures.
+/// track; others stay anonymous, and all do where fewer than `min_associated_share` have one. From
+/// there on the run is like one with signatures.
 /// @param number  Of the run in the build.
 /// @param on_step  As AssociateAnonymous(); may be empty.
 /// Errors: kInvalidArgument if the run has a signature that begins like a track's name.

@@ -55,6 +55,23 @@ TEST(AnonymousTracks, ClutterMakesHardlyAny) {
   EXPECT_GT(found.dropped_tracks, 20);
 }
 
+// As of points of a lidar that no second scan finds again.
+TEST(AnonymousTracks, MostlyClutterNamesNone) {
+  const OpenWorldOptions options = Park(5);
+  const SimulatedWorld world = testing::Simulate(options);
+  for (const double clutter_per_scan : {1.0, 20.0}) {
+    const shiftmap::Run run = testing::Anonymize(world.runs[0].run, {}, clutter_per_scan, 5).run;
+    for (const double share : {AssociationOptions().min_associated_share, 0.0}) {
+      AssociationOptions association;
+      association.min_associated_share = share;
+      shiftmap::Run named = run;
+      ASSERT_TRUE(NameTracks(0, CalibrationOf(options), association, {}, {}, &named).ok());
+      const std::vector<Signature> signatures = CollectSignatures({&named}, {});
+      EXPECT_EQ(signatures.empty(), clutter_per_scan > 1.0 && share > 0.0) << clutter_per_scan;
+    }
+  }
+}
+
 // Rare scans and bad odometry among many landmarks: the nearest is often another one.
 TEST(AnonymousTracks, JointCompatibilityHoldsWhereNearestNeighboursDoNot) {
   testing::AssociationScore joint;
@@ -152,6 +169,7 @@ TEST(AnonymousTracks, OptionsAreChecked) {
   EXPECT_FALSE(AssociationOptions{.compatibility = {.max_nodes = 0}}.Validate().ok());
   EXPECT_FALSE(AssociationOptions{.confirm_sightings = 0}.Validate().ok());
   EXPECT_FALSE(AssociationOptions{.duplicate_distance_m = -1.0}.Validate().ok());
+  EXPECT_FALSE(AssociationOptions{.min_associated_share = 1.5}.Validate().ok());
 }
 
 TEST(TrackNames, AreToldFromSignatures) {
