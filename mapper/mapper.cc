@@ -22,6 +22,7 @@
 #include "mapper/modes/mode_refinement.h"
 #include "mapper/modes/unconstrained_runs.h"
 #include "mapper/parallel.h"
+#include "mapper/registration/ambiguous_runs.h"
 #include "mapper/registration/misfit_runs.h"
 #include "mapper/registration/misregistered_runs.h"
 #include "mapper/registration/place_run_maps.h"
@@ -264,7 +265,7 @@ int RefineAndRelocate(const MapperOptions& options,
        ++round) {
     iterations += refine();
   }
-  while ((RemoveUndecidedRun(options, build, on_step) || RemoveMisfitRun(options, build)) &&
+  while ((RemoveAmbiguousRun(options, build, on_step) || RemoveMisfitRun(options, build)) &&
          !build->runs.empty() && (!on_step || on_step(*build))) {
     iterations += refine();
   }

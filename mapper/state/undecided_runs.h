@@ -40,7 +40,7 @@ struct JoinedFit {
 
 /// Runs that wait: they agree with each other, may lie at several places in the map, and nothing
 /// decides between these; or a run that does not fit at the place that was decided for; or one of
-/// which it is not decided which landmarks of a part moved (RemoveUndecidedRun).
+/// which it is not decided which landmarks of a part moved (RemoveAmbiguousRun).
 struct WaitingRuns {
   std::vector<RunName> runs;
   Explanations explanations;        ///< Of one that does not fit: none.
