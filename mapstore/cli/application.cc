@@ -297,6 +297,9 @@ ExitCode Application::State::RunBody(const Command& command,
 ExitCode Application::State::ShowConfig(const Command* command,
                                         std::ostream* out,
                                         std::ostream* err) {
+  if (const auto config = ReadSiteConfig(run_arguments); !config.ok()) {
+    return Usage(Message(config.status()), command, run_arguments, out, err);
+  }
   common.json = Has(run_arguments, "--json");
   common.config = ConfigPath(run_arguments);
   auto state = std::make_unique<Command::State>();

@@ -69,6 +69,8 @@ class SiteConfigTest : public ::testing::Test {
     Mapper mapper;
     EXPECT_EQ(mapper.Run({"build", "--config", path_}), 2) << toml;
     EXPECT_THAT(mapper.err.str(), HasSubstr(text));
+    EXPECT_EQ(mapper.Run({"build", "--show-config", "--config", path_}), 2) << toml;
+    EXPECT_THAT(mapper.err.str(), HasSubstr(text));
   }
 
   testing::TempDir dir_;
