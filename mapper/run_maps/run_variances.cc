@@ -8,6 +8,7 @@
 #include <map>
 #include <memory>
 #include <optional>
+#include <set>
 #include <utility>
 #include <vector>
 
@@ -16,6 +17,7 @@
 #include "mapper/parallel.h"
 #include "mapper/rows.h"
 #include "mapper/run_maps/variance_factor.h"
+#include "mapper/state/sightings.h"
 
 namespace shiftmap {
 namespace {
@@ -139,28 +141,47 @@ struct ModeSpread {
   Eigen::Matrix2d squares = Eigen::Matrix2d::Zero();
 };
 
+// Modes that a run has a visit of by which it could have made them: a shorter one may be of a
+// misread signature, and tells of no move.
+std::set<ModeIndex> ModesMadeBy(const ModeOptions& options,
+                                const FlatModes& flat,
+                                const BuildRun& run) {
+  std::set<ModeIndex> made;
+  for (const VisitIndex v : run.data->visits.indices()) {
+    const MappingVisit& visit = run.data->visits[v];
+    if (!run.assignment[v] || !MakesMode(options, visit)) continue;
+    made.insert(flat.Index(visit.group, *run.assignment[v]));
+  }
+  return made;
+}
+
 // By how much more than they tell runs differ from the prior map and each other.
-MapDisagreement MapDisagreementOf(const DisagreementOptions& options,
+MapDisagreement MapDisagreementOf(const MapperOptions& mapper,
                                   const BuildState& build,
                                   const RunVariances& variances) {
+  const DisagreementOptions& options = mapper.disagreement;
   const FlatModes flat(build);
   const IndexedVector<ModeIndex, Eigen::Vector2d> positions = ModePositions(build);
   std::map<ModeIndex, ModeSpread> spreads;
   double squares = options.prior_dof;
   double dof = build.priors.empty() ? ShapeCovariance::kGauge : 0.0;
-  const auto add = [&](const std::vector<ModeIndex>& modes, const Disagreement& disagreement) {
+  const auto add = [&](const std::vector<ModeIndex>& modes,
+                       const Disagreement& disagreement,
+                       const auto& tells_of) {
     squares += disagreement.squares;
     dof += disagreement.dof;
-    for (const ModeIndex mode : modes) ++spreads[mode].sources;
+    for (const ModeIndex mode : modes) spreads[mode].sources += tells_of(mode) ? 1 : 0;
     for (const auto& [m, of_mode] : disagreement.outliers) {
-      spreads[modes[static_cast<std::size_t>(m)]].squares += of_mode * of_mode.transpose();
+      const ModeIndex mode = modes[static_cast<std::size_t>(m)];
+      if (tells_of(mode)) spreads[mode].squares += of_mode * of_mode.transpose();
     }
   };
   bool all_compared = true;
   for (const RunIndex r : variances.indices()) {
     const std::vector<ModeIndex> modes = flat.Of(build.runs[r]);
     if (variances[r]) {
-      add(modes, variances[r]->disagreement);
+      const std::set<ModeIndex> made = ModesMadeBy(mapper.modes, flat, build.runs[r]);
+      add(modes, variances[r]->disagreement, [&](ModeIndex mode) { return made.contains(mode); });
     } else if (modes.size() >= ShapeCovariance::kMinModes) {
       all_compared = false;
     }
@@ -172,7 +193,8 @@ MapDisagreement MapDisagreementOf(const DisagreementOptions& options,
     }
     add(prior.modes,
         DisagreementOf(
-            options, prior.information, difference, static_cast<double>(difference.size())));
+            options, prior.information, difference, static_cast<double>(difference.size())),
+        [](ModeIndex) { return true; });
   }
   dof -= 2.0 * static_cast<double>(spreads.size());  // What the common map takes.
   MapDisagreement result;
@@ -206,7 +228,7 @@ bool EstimateRunVariances(const MapperOptions& options, BuildState* build) {
     alone.loss_reach = build->loss_reach;
     variances[r] = VarianceOf(of_one, is_alone, of_run, std::move(alone));
   });
-  build->disagreement = MapDisagreementOf(options.disagreement, *build, variances);
+  build->disagreement = MapDisagreementOf(options, *build, variances);
   double in_weights = 1.0;
   if (flat.count() > kMaxJointModes) {
     in_weights = std::exchange(build->disagreement.factor, 1.0);

@@ -256,5 +256,39 @@ TEST_F(EstimateRunVariancesTest, AMapComesToWhereALandmarkMovedALittle) {
   }
 }
 
+// A misread signature is no move: the landmark is known as well as before, and another one does not
+// take it along.
+TEST_F(EstimateRunVariancesTest, AMisreadSignatureMovesNoLandmark) {
+  for (std::uint64_t seed = 1; seed <= 5; ++seed) {
+    SimulatedWorld world = testing::Simulate(StaticWorld(seed, 3));
+    for (std::size_t r = 1; r < 3; ++r) {
+      bool is_first = true;
+      for (Scan& scan : world.runs[r].run.scans) {
+        std::erase_if(scan.observations, [&](Observation& observation) {
+          if (observation.signature != world.groups[0].signature) return false;
+          observation.z[0] += r == 1 ? 3.0 : 2.0;
+          return !std::exchange(is_first, false);
+        });
+      }
+      ASSERT_FALSE(is_first) << seed;
+    }
+    const std::vector<MapperInput> runs = testing::Inputs(world);
+    std::optional<MapContent> map;
+    for (const MapperInput& run : runs) {
+      const std::optional<MapContent> before = map;
+      map = BuildMap({run}, map, mapper_).value().content;
+      if (!before) continue;
+      ASSERT_EQ(map->groups[0].modes.size(), 1U) << seed;
+      EXPECT_LT(map->groups[0].modes[0].cov_p_map_landmark.trace(),
+                1.5 * before->groups[0].modes[0].cov_p_map_landmark.trace())
+          << seed;
+      EXPECT_LT((map->groups[0].modes[0].p_map_landmark - before->groups[0].modes[0].p_map_landmark)
+                    .norm(),
+                0.2)
+          << seed;
+    }
+  }
+}
+
 }  // namespace
 }  // namespace shiftmap
