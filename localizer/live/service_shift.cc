@@ -100,6 +100,8 @@ void Service::InitializeShift(const PoseWithCovariance& pose) {
 Status Service::WriteReport() {
   ShiftReport report = shift_->Report(dropped_);
   report.software = options_.software;
+  // Without an item there is no time but the host's.
+  if (report.end == Stamp()) report.begin = report.end = options_.clock();
   const std::string path = File(report.uuid + ".report");
   const Status status = WriteShiftReport(report, path);
   if (status.ok()) {

@@ -177,6 +177,18 @@ TEST_F(ServiceEndTest, ThePoseOfAVehicleWhoseOdometryIsSilentIsNotSaved) {
   EXPECT_FALSE(std::filesystem::exists(folder_.File("state") + "/pose"));
 }
 
+// Else it begins in 1970, as if the vehicle's clock was not set.
+TEST_F(ServiceEndTest, AShiftWithoutItemsIsReportedAtTheTimeOfItsEnd) {
+  host_now_ = StampOf(items_.front());
+  Service service = OpenedWithClocks();
+  ASSERT_THAT(Do(&service, Start()), IsOk());
+  ASSERT_THAT(Do(&service, live::Stop()), IsOk());
+  const StatusOr<ShiftReport> report = ReadShiftReport(service.State().report_path);
+  ASSERT_THAT(report, IsOk());
+  EXPECT_EQ(report->begin, host_now_);
+  EXPECT_EQ(report->end, host_now_);
+}
+
 TEST_F(ServiceEndTest, NamesThatNoReportCarriesAreRefused) {
   ServiceOptions options = Options();
   for (const std::size_t length : {0u, 1025u}) {
