@@ -53,8 +53,7 @@ Status Service::TakeUpEnabledMap() {
   SHIFTMAP_ASSIGN_OR_RETURN(const auto file, folder->Enabled(area_));
   if (!file) {
     map_.reset();
-    return FailedPrecondition(
-        "map folder '{}': no map of area '{}' is enabled", folder->path(), area_);
+    return NotFound("map folder '{}': no map of area '{}' is enabled", folder->path(), area_);
   }
   if (map_ && map_->file->sha256 == file->sha256) return OkStatus();
   SHIFTMAP_ASSIGN_OR_RETURN(LoadedMap map, Loaded(*file));

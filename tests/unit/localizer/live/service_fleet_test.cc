@@ -106,7 +106,7 @@ constexpr const char* kNotLocalized = "LOCALIZATION_ERROR FATAL";
 
 TEST_F(ServiceFleetTest, WithoutAMapNoShiftBeginsUntilOneIsEnabled) {
   Service service = Opened();
-  EXPECT_EQ(Do(&service, Start()).code(), StatusCode::kFailedPrecondition);
+  EXPECT_EQ(Do(&service, Start()).code(), StatusCode::kNotFound);
   const FleetState state = Fleet(&service);
   EXPECT_TRUE(state.maps.empty());
   EXPECT_FALSE(state.localized);
