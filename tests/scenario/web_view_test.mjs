@@ -266,6 +266,22 @@ const tests = {
     assert.deepEqual(page.complaints, []);
   },
 
+  async 'The list of uncertain landmarks says of which no state is decided'() {
+    const page = await openFile('floor.html');
+    const {groups, stamp_s: seconds} = inspect('show', ...floor);
+    await setTime(page, seconds);
+    await settle(page);
+    const rows = await page.$$eval('#overview tbody tr', (lines) =>
+      lines.map((line) => [line.cells[0].textContent, line.cells[1].textContent]));
+    const decided = rows.filter(([signature, state]) => {
+      const best = Math.max(...groups.find((g) => g.signature === signature).modes.map((m) => m.probability));
+      assert.equal(state.endsWith(', undecided'), best <= 0.5005, `${signature} ${state} ${best}`);
+      return best > 0.5005;
+    });
+    assert.ok(decided.length > 0 && decided.length < rows.length, String(rows));
+    assert.deepEqual(page.complaints, []);
+  },
+
   async 'All of it works by keyboard'() {
     const page = await openFile('floor.html');
     const picture = () => page.$eval('#map', (map) => map.toDataURL());

@@ -5,7 +5,7 @@ import {readMap, readRuns, readVisit, type Document, type Group, type LandmarkMa
 import {LandmarkPanel} from './landmark_panel';
 import {readTheme} from './layers';
 import {boundsOf, MapView, type ViewSettings} from './map_view';
-import {byId, element, modeName, percent, row, table, timeText} from './markup';
+import {byId, element, isDecided, modeName, percent, row, table, timeText} from './markup';
 import {Shift} from './replay';
 import {ReplayPanel} from './replay_panel';
 import {Search} from './search';
@@ -147,7 +147,8 @@ class Page {
     const rows = doubtful.slice(0, 15).map(({group, best, probability}) => {
       const pick = element('button', {type: 'button', class: 'link'}, group.name);
       pick.addEventListener('click', () => this.selectSignature(group.signature));
-      return row([pick, modeName(best === 0 ? 0 : group.modes[best - 1]!.number), percent(probability)]);
+      const state = modeName(best === 0 ? 0 : group.modes[best - 1]!.number);
+      return row([pick, isDecided(probability) ? state : `${state}, undecided`, percent(probability)]);
     });
     byId('overview').replaceChildren(
         element('h3', {}, `Least certain at this time (${doubtful.length} below 99 %)`),

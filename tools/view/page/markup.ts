@@ -38,6 +38,9 @@ export function percent(p: number): string {
   return `${(100 * p).toFixed(1)} %`;
 }
 
+/** Whether a state is more probable than all others together, by more than three digits tell. */
+export function isDecided(p: number): boolean { return p > 0.5005; }
+
 export function metres(value: number): string {
   const size = Math.abs(value);
   return size < 0.1 ? `${(1000 * value).toFixed(0)} mm` : `${value.toFixed(size < 10 ? 2 : 1)} m`;
