@@ -83,8 +83,7 @@ std::vector<MappingRun> PrepareRuns(const std::vector<MapperInput>& inputs,
 Status RequireRuns(bool any, const std::vector<RejectedRun>& rejected) {
   if (any) return OkStatus();
   if (rejected.empty()) return InvalidArgument("no runs to build from");
-  return InvalidArgument(
-      "no run can be used; first: run '{}': {}", rejected.front().name, rejected.front().reason);
+  return InvalidArgument("no run can be used: {}", ReasonsOf(rejected));
 }
 
 // Tells the monitor of a build how it goes on, one thread at a time, and remembers that it asked to

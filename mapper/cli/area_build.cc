@@ -45,10 +45,7 @@ Status LeaveOutExcluded(const std::string& area,
     return true;
   });
   if (!runs->inputs.empty()) return OkStatus();
-  return FailedPrecondition("area '{}': no log to build from; first: run '{}': {}",
-                            area,
-                            runs->rejected.front().name,
-                            runs->rejected.front().reason);
+  return FailedPrecondition("area '{}': no log to build from: {}", area, ReasonsOf(runs->rejected));
 }
 
 Status CheckStopped(const AreaBuildOptions& options) {
@@ -298,6 +295,10 @@ StatusOr<AreaBuild> MakeAreaBuild(const AreaBuildOptions& options, Context& cont
   progress.reset();
   // From here on it takes no time to speak of: what began to write ends.
   SHIFTMAP_RETURN_IF_ERROR(CheckStopped(options));
+  if (const std::string more = ReasonsOf(runs.rejected);
+      result.status().code() == StatusCode::kInvalidArgument && !more.empty()) {
+    return InvalidArgument("{}; {}", Message(result.status()), more);
+  }
   SHIFTMAP_RETURN_IF_ERROR(result.status());
   build.result = *std::move(result);
   HoldControlPoints(prior.edits, &build.result);

@@ -196,16 +196,21 @@ StatusOr<LoadedRuns> Loader::Finish() {
   });
   LoadedRuns runs;
   runs.dropped = std::move(dropped_);
+  int unusable = 0;
   Status first;   // That is not in the map.
   Status longer;  // Or not whole.
   for (const Rejection& rejection : rejected_) {
-    runs.rejected.push_back({rejection.name, Message(rejection.status)});
     const bool known = rejection.status.code() == StatusCode::kAlreadyExists;
+    runs.rejected.push_back({rejection.name, Message(rejection.status), known});
+    if (!known) ++unusable;
     if (first.ok() && !known) first = rejection.status;
     if (longer.ok() && rejection.longer) longer = rejection.status;
   }
   for (auto& [hash, loaded] : loaded_) runs.inputs.push_back(std::move(loaded.input));
   if (!runs.inputs.empty()) return runs;
+  if (unusable > 1) {
+    return MakeStatus(first.code(), "no run can be used: {}", ReasonsOf(runs.rejected));
+  }
   SHIFTMAP_RETURN_IF_ERROR(first);
   SHIFTMAP_RETURN_IF_ERROR(longer);
   return MakeStatus(

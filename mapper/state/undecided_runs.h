@@ -23,7 +23,12 @@ struct RunName {
 struct RejectedRun {
   std::string name;
   std::string reason;
+  bool is_mapped = false;  ///< Its log, or one with all of it, is in the map.
 };
+
+/// "run 'a': reason; run 'b': reason", of the first runs that are not mapped; how many more there
+/// are.
+std::string ReasonsOf(const std::vector<RejectedRun>& rejected);
 
 /// How much worse a run fits with its landmarks where a joint map has them than by itself
 /// (mapper/METHOD.md, 6).

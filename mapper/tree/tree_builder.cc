@@ -346,9 +346,7 @@ StatusOr<MapperResult> BuildMapByTree(std::vector<MapperInput> inputs,
   Pass pass(known, calibration, options, tree, monitor);
   SHIFTMAP_RETURN_IF_ERROR(pass.Filter(runs, learn_sensor ? 0.5 : 0.0, 1.0));
   if (pass.runs().empty()) {
-    return InvalidArgument("no run can be used; first: run '{}': {}",
-                           pass.rejected().front().name,
-                           pass.rejected().front().reason);
+    return InvalidArgument("no run can be used: {}", ReasonsOf(pass.rejected()));
   }
   MapperResult result;
   result.runs = std::move(pass.runs());

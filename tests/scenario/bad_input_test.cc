@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // What the programs say to files that they cannot use.
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -23,6 +24,10 @@ constexpr int kBadInput = 3;
 constexpr int kNotFound = 6;
 
 // A command line that reads one file.
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+using ::testing::Not;
+
 using Reader = std::function<void(const std::string& file, int exit_code)>;
 
 class BadInputTest : public ::testing::Test {
@@ -246,6 +251,36 @@ TEST_F(BadInputTest, ADamagedLogAmongOthersIsLeftOutByName) {
               {"build", "--store", store_, "--area", "floor", bad_, world_->Log(1)},
               kBadInput,
               "run log '" + bad_ + "'");
+}
+
+// Where none is left, whoever mends the recorders wants all of them.
+TEST_F(BadInputTest, LogsOfWhichNoneCanBeUsedAreAllNamed) {
+  WriteFile(bad_, "");
+  shiftmap::Run run = ReadShift();
+  for (Scan& scan : run.scans) scan.observations.clear();
+  const std::string second = folder_.File("saw_nothing.mcap");
+  ASSERT_TRUE(WriteRunLog(run, second, {}).ok());
+  run.info.vehicle = "another";
+  run.info.uuid.clear();
+  const std::string third = folder_.File("blind.mcap");
+  ASSERT_TRUE(WriteRunLog(run, third, {}).ok());
+  const std::string cut = folder_.File("cut.mcap");
+  WriteFile(cut, "mcap");
+  const std::string mapped = world_->Log(0);
+  const auto error_of = [&](const Arguments& logs) {
+    Arguments build = {"build", mapped, "--store", store_, "--area", "floor"};
+    build.insert(build.end(), logs.begin(), logs.end());
+    const CommandResult built = RunCommand("shiftmap-mapper", build);
+    EXPECT_EQ(built.exit_code, kBadInput) << built.err;
+    EXPECT_EQ(CountLines(built.err), 1) << built.err;
+    EXPECT_THAT(built.err, Not(HasSubstr("run_000")));
+    return built.err;
+  };
+  EXPECT_THAT(error_of({bad_, second, third}),
+              AllOf(HasSubstr(bad_),
+                    HasSubstr("'saw_nothing': no identified landmark is seen"),
+                    HasSubstr("'blind': no identified landmark is seen")));
+  EXPECT_THAT(error_of({bad_, cut}), AllOf(HasSubstr(bad_), HasSubstr(cut)));
 }
 
 TEST_F(BadInputTest, MissingStore) { ExpectBadStore(kNotFound, "does not exist"); }
