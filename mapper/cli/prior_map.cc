@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "mapper/cli/prior_map.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
+#include <cctype>
 #include <filesystem>
 #include <set>
 #include <string>
@@ -77,6 +80,17 @@ StatusOr<std::vector<RunRecord>> LoadOlderRuns(const std::string& area,
   return runs;
 }
 
+// Two names that differ by case alone are seldom two places.
+void WarnOfAlike(const std::string& area,
+                 const std::vector<AreaSummary>& areas,
+                 const Context& context) {
+  const auto lower = [](unsigned char c) { return std::tolower(c); };
+  for (const AreaSummary& other : areas) {
+    if (!std::ranges::equal(area, other.area, {}, lower, lower)) continue;
+    context.Warn(fmt::format("area '{}' is new beside area '{}'", area, other.area));
+  }
+}
+
 }  // namespace
 
 StatusOr<PriorMap> LoadPrior(const AreaBuildOptions& options, const Context& context) {
@@ -95,6 +109,8 @@ StatusOr<PriorMap> LoadPrior(const AreaBuildOptions& options, const Context& con
   if (known) {
     SHIFTMAP_ASSIGN_OR_RETURN(prior.exclusions, store.Exclusions(options.area));
     SHIFTMAP_ASSIGN_OR_RETURN(prior.waiting, store.WaitingRuns(options.area));
+  } else {
+    WarnOfAlike(options.area, areas, context);
   }
   if (options.prior == "none") return prior;
   if (options.prior == "published") {

@@ -283,6 +283,19 @@ TEST_F(BadInputTest, LogsOfWhichNoneCanBeUsedAreAllNamed) {
   EXPECT_THAT(error_of({bad_, cut}), AllOf(HasSubstr(bad_), HasSubstr(cut)));
 }
 
+// A recorder may write the name in another way than who made the area.
+TEST_F(BadInputTest, ANewAreaWhoseNameDiffersByCaseAloneIsNamed) {
+  const auto warning_of = [&](const std::string& area) {
+    const CommandResult built =
+        RunCommand("shiftmap-mapper", {"build", "--store", store_, "--area", area, world_->Log(1)});
+    EXPECT_EQ(built.exit_code, 0) << built.err;
+    return built.err;
+  };
+  EXPECT_EQ(warning_of("floors"), "");
+  EXPECT_EQ(warning_of("Floor"),
+            "shiftmap-mapper: warning: area 'Floor' is new beside area 'floor'\n");
+}
+
 TEST_F(BadInputTest, MissingStore) { ExpectBadStore(kNotFound, "does not exist"); }
 
 TEST_F(BadInputTest, TextAsStore) {
