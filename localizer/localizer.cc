@@ -191,6 +191,7 @@ void Localizer::ProcessScan(const Scan& scan) {
     window_.clear();
     window_.push_back(step_);
     StartAt(*std::exchange(next_start_, std::nullopt), 0);
+    given_ = true;
     return;
   }
   const bool searching = !bank_ || health_.lost();
@@ -339,7 +340,10 @@ void Localizer::JudgeOutcomes(const Scan& scan, const BankEvents& events) {
   }
   health_.Judge();
   if (!health_.lost()) {
-    if (health_.Confirms() && !rival_) confirmed_ = scan.stamp;
+    if (health_.Confirms() && !rival_) {
+      confirmed_ = scan.stamp;
+      given_ = false;
+    }
     if (!rival_) FindRival(scan.stamp);
   }
   if (rival_) JudgeRival();
@@ -374,6 +378,7 @@ void Localizer::JudgeRival() {
     ++statistics_.starts;
     DistrustPose(rival_->since);
     ForgetOutcomes();
+    given_ = false;
   }
   rival_.reset();
 }
@@ -504,6 +509,7 @@ void Localizer::StartAt(const PoseWithCovariance& pose, std::size_t first) {
     bank_.emplace(snapshot_, options_.hypotheses, pose, stamp);
   }
   confirmed_ = stamp;
+  given_ = false;
   in_gap_ = false;
   rival_.reset();
   ++statistics_.starts;
@@ -559,7 +565,9 @@ Eigen::VectorXd Localizer::Probabilities(int group) const {
 
 LocalizerState Localizer::JudgeState() const {
   if (!bank_) return LocalizerState::kInitializing;
-  if (health_.lost() || rival_ || in_gap_ || vague_) return LocalizerState::kLost;
+  if (health_.lost() || rival_ || in_gap_ || vague_ || StartsInDoubt()) {
+    return LocalizerState::kLost;
+  }
   const Duration hold = FromSeconds(options_.state_hold_s);
   const auto recent = [&](const std::optional<StateEvidence>& cause) {
     return cause && now_ - cause->stamp <= hold;
@@ -593,6 +601,7 @@ void Localizer::Finish() {
   if (!bank_) return;
   std::vector<VisitEvidence> last = bank_->EndVisits();
   evidence_.insert(evidence_.end(), last.begin(), last.end());
+  if (StartsInDoubt()) DistrustPose(now_);
 }
 
 ShiftReport Localizer::Report() const {

@@ -169,6 +169,9 @@ class Localizer {
   // Nobody knows what the vehicle does in a gap: the pose is lost there, by no fault of the map.
   void AccountTime(Stamp stamp);
   LocalizerState JudgeState() const;
+
+  // A pose that was given, and what is seen speaks against it from the start.
+  bool StartsInDoubt() const { return given_ && health_.Doubts(); }
   void SetState(LocalizerState state);
 
   // A leaf at another pose that competes with the present one.
@@ -210,6 +213,7 @@ class Localizer {
   Stamp heard_;                 // Of the last odometry or scan.
   bool in_gap_ = false;         // Until a scan tells the heading again.
   bool vague_ = false;          // The pose, beyond LocalizerOptions::max_position_sd_m.
+  bool given_ = false;          // The pose, and landmarks have not confirmed it.
   Stamp scan_stamp_;            // Of the last scan.
   Stamp confirmed_;             // The pose, last; else its start.
   std::optional<RivalPose> rival_;

@@ -98,6 +98,9 @@ class HealthMonitor {
   /// Support().Confirms(), in constant time.
   bool Confirms() const;
 
+  /// Support().Doubts(), and distances do not show that the landmarks moved.
+  bool Doubts() const { return all_.Doubts() && !LandmarksMoved(tallies_.begin()); }
+
   /// Begin of the failures that made the pose lost. What was concluded since is not to be trusted.
   Stamp failing_since() const { return failing_since_; }
 

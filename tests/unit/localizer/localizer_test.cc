@@ -7,6 +7,7 @@
 #include <chrono>
 #include <cmath>
 #include <limits>
+#include <map>
 #include <random>
 #include <set>
 #include <utility>
@@ -296,6 +297,40 @@ TEST(Localizer, WhatAWrongStartConcludedIsNotReported) {
   EXPECT_GT(lost, 30);
   EXPECT_GT(right, 400);
   EXPECT_LT(wrong, 10);
+}
+
+// A pose that is given is trusted until three landmarks or more contradict it, and none says more.
+TEST(Localizer, AGivenPoseThatNothingConfirmsIsNotTrusted) {
+  const MapContent content = MakeTwoModeMap(15, 14.0, 33);
+  const std::vector<int> states(content.groups.size(), 1);
+  std::map<bool, int> trusted;  // Scans, by whether the pose is right.
+  std::map<bool, int> lost;
+  std::map<bool, int> reported;
+  for (std::uint64_t seed = 1; seed <= 40; ++seed) {
+    SimulationOptions simulation;
+    simulation.seed = seed;
+    simulation.duration_s = 15.0;
+    const SimulatedRun run = Simulate(content, PositionsOf(content, states), simulation);
+    for (const Se2& off : {Se2(), Se2(4.0, -3.0, 2.5)}) {
+      Localizer localizer(Snapshot(content), AtPose(run.T_map_vehicle.front() * off));
+      std::size_t scans = 0;
+      bool is_right = true;
+      for (const RunEvent& event : MergeEvents(run.run)) {
+        ASSERT_TRUE(localizer.Process(event).ok());
+        if (!std::holds_alternative<Scan>(event)) continue;
+        const Se2 error =
+            run.T_map_vehicle[scans++].Inverse() * localizer.Estimate()->pose.T_map_vehicle;
+        is_right = error.translation().norm() < 1.0;
+        ++(localizer.state() == LocalizerState::kLost ? lost : trusted)[is_right];
+      }
+      localizer.Finish();
+      if (!is_right) reported[is_right] += static_cast<int>(localizer.Report().decisions.size());
+    }
+  }
+  EXPECT_LT(trusted[false], 50);  // Of the 250 scans until another pose is found.
+  EXPECT_GT(trusted[true], 4000);
+  EXPECT_LT(lost[true], 50);
+  EXPECT_EQ(reported[false], 0);
 }
 
 // Odometry is silent for eight seconds in which nothing is seen, while the vehicle turns on.
