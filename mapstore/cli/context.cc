@@ -37,7 +37,8 @@ bool Context::IsNew(const std::string& message) const {
 
 void Context::Attend(const std::string& message, ExitCode code) {
   done_code_ = code;
-  Warn(message);
+  const auto level = quiet() ? spdlog::level::err : spdlog::level::warn;
+  if (IsNew(message)) spdlog::log(level, "{}", InertLine(message));
 }
 
 void Context::Inform(const std::string& message) const {

@@ -58,8 +58,8 @@ class Context {
   /// again and again.
   void SayEachOnce();
 
-  /// As Warn(), for what a person should see though the command is done: its exit code is then
-  /// `code`.
+  /// As Warn(), but with --quiet as an error, for what a person should see though the command is
+  /// done: its exit code is then `code`.
   void Attend(const std::string& message, ExitCode code = ExitCode::kAttention);
 
   /// What the command does is done. Without a word of it, a script would do it again.

@@ -364,6 +364,9 @@ TEST(Application, WhatAPersonShouldSeeHasItsExitCode) {
   const Outcome outcome = program.Run({"measure", "a"});
   EXPECT_EQ(outcome.code, 8);
   EXPECT_EQ(outcome.err, "shiftmap-test: warning: one log is left out\n");
+  const Outcome quiet = program.Run({"measure", "a", "--quiet"});
+  EXPECT_EQ(quiet.code, 8);
+  EXPECT_EQ(quiet.err, "shiftmap-test: error: one log is left out\n");
 }
 
 TEST(Application, WarnsOfTheSameOnceIfACommandSaysSo) {
