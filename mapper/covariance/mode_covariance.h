@@ -70,7 +70,8 @@ struct MapDisagreement {
   /// A variance factor of all runs that does not change how they weigh against the prior map.
   double factor = 1.0;
 
-  /// Of modes that disagree by themselves: mean square of the differences from the map. [m²]
+  /// Of modes that disagree by themselves: mean square of the differences of runs, or of visits,
+  /// from the map. [m²]
   std::map<ModeIndex, Eigen::Matrix2d> of_modes;
 };
 

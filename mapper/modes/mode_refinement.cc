@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "mapper/modes/mode_refinement.h"
 
+#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <memory>
@@ -12,6 +13,7 @@
 #include "mapper/modes/mode_merging.h"
 #include "mapper/modes/unconstrained_runs.h"
 #include "mapper/modes/visit_density.h"
+#include "mapper/modes/visit_scatter.h"
 #include "mapper/parallel.h"
 #include "mapper/selection/selector.h"
 #include "mapper/selection/visit_sequence.h"
@@ -140,10 +142,42 @@ Eigen::Matrix2d PoseError(const ModeOptions& options) {
   return Eigen::Matrix2d::Identity() * (options.score_position_sd_m * options.score_position_sd_m);
 }
 
-// Covariance of a mode in the prior map, without the common scale. [m²]
-Eigen::Matrix2d KnownCovariance(const BuildState& build, GroupIndex group, ModeNumber number) {
+// A mode in the prior map.
+const Mode& KnownMode(const BuildState& build, GroupIndex group, ModeNumber number) {
   const LandmarkGroup& known = *build.Known(group);
-  return known.modes[static_cast<std::size_t>(known.StateOf(number)) - 1].cov_p_map_landmark;
+  return known.modes[static_cast<std::size_t>(known.StateOf(number)) - 1];
+}
+
+using ModeCovariances = IndexedVector<GroupModeIndex, Eigen::Matrix2d>;
+
+// Covariances of a group's modes in the prior map, without the common scale; zero of others. [m²]
+ModeCovariances KnownCovariances(const BuildState& build, GroupIndex group) {
+  ModeCovariances result;
+  for (const BuildMode& mode : build.modes[group]) {
+    result.push_back(mode.number == kAbsent
+                         ? Eigen::Matrix2d(Eigen::Matrix2d::Zero())
+                         : KnownMode(build, group, mode.number).cov_p_map_landmark);
+  }
+  return result;
+}
+
+// The same where the build's visits at a mode, each with the error of pose and map, tell of it too:
+// what was known badly has come to where they are.
+ModeCovariances SolvedCovariances(const BuildState& build,
+                                  const std::vector<VisitRef>& visits,
+                                  GroupIndex group,
+                                  const ModeOptions& options) {
+  ModeCovariances result = KnownCovariances(build, group);
+  IndexedVector<GroupModeIndex, int> count(result.size());
+  for (const VisitRef& ref : visits) {
+    if (const OptionalMode mode = AssignmentOf(build, ref)) ++count[*mode];
+  }
+  for (const GroupModeIndex k : result.indices()) {
+    if (count[k] == 0) continue;
+    const Eigen::Matrix2d of_visits = PoseError(options) / count[k];
+    result[k] = of_visits * (result[k] + of_visits).inverse() * result[k];
+  }
+  return result;
 }
 
 // Where the sightings of a visit put its landmark from the present poses.
@@ -204,6 +238,7 @@ VisitDensity DensityOf(const BuildState& build, const VisitRef& ref, const ModeO
 // The sightings of a visit share the error of pose and map.
 Eigen::VectorXd ScoreJointly(const BuildState& build,
                              const VisitRef& ref,
+                             const ModeCovariances& covariances,
                              const ModeOptions& options) {
   const MappingVisit& visit = VisitOf(build, ref);
   const GroupModes& modes = build.modes[visit.group];
@@ -211,11 +246,18 @@ Eigen::VectorXd ScoreJointly(const BuildState& build,
   Eigen::VectorXd result(std::ssize(modes) + 1);
   result[0] = density.LogAbsent();
   for (const GroupModeIndex k : modes.indices()) {
-    Eigen::Matrix2d cov = PoseError(options);
-    if (modes[k].number != kAbsent) cov += KnownCovariance(build, visit.group, modes[k].number);
-    result[StateOf(k)] = density.LogUnderMode(modes[k].p_map_landmark, cov);
+    result[StateOf(k)] =
+        density.LogUnderMode(modes[k].p_map_landmark, PoseError(options) + covariances[k]);
   }
   return result;
+}
+
+Eigen::VectorXd Score(const BuildState& build,
+                      const VisitRef& ref,
+                      const ModeCovariances& covariances,
+                      const ModeOptions& options) {
+  return build.placed() ? ScoreJointly(build, ref, covariances, options)
+                        : ScoreBySighting(build, ref, options);
 }
 
 // Two places of a landmark for one mode of it.
@@ -264,7 +306,6 @@ std::optional<Split> WorstExplained(const ModeOptions& options,
       seen.begin(), seen.end(), [](const Seen& a, const Seen& b) { return a.gain < b.gain; });
   const BuildMode& mode = build.modes[group][worst.mode];
   Split split{worst.mode, mode.p_map_landmark, worst.centre, worst.visit};
-  if (mode.number != kAbsent) return split;
   Eigen::Vector2d sum = Eigen::Vector2d::Zero();
   int nearer = 0;
   for (const Seen& other : seen) {
@@ -273,8 +314,23 @@ std::optional<Split> WorstExplained(const ModeOptions& options,
     sum += other.centre;
     ++nearer;
   }
-  if (nearer > 0) split.p_mode = sum / nearer;
+  if (nearer == 0) return split;
+  split.p_mode = sum / nearer;
+  if (mode.number == kAbsent) return split;
+  const Mode& known = KnownMode(build, group, mode.number);
+  const Eigen::Matrix2d of_visits = pose_error / nearer;
+  split.p_mode += of_visits * (known.cov_p_map_landmark + of_visits).inverse() *
+                  (known.p_map_landmark - split.p_mode);
   return split;
+}
+
+// Visits that share less than is assumed tell places apart that are nearer to each other.
+ModeOptions ForSplits(const ModeOptions& options, const BuildState& build, int threads) {
+  ModeOptions result = options;
+  const double shared_sd_m = std::sqrt(SharedVisitVariance(options, build, threads));
+  result.score_position_sd_m =
+      std::min(options.score_position_sd_m, std::max(options.position_floor_m, shared_sd_m));
+  return result;
 }
 
 ModeSequenceProblem SequenceOf(const BuildState& build,
@@ -282,10 +338,11 @@ ModeSequenceProblem SequenceOf(const BuildState& build,
                                GroupIndex group,
                                const ModeChain& chain,
                                const ModeOptions& options) {
+  const ModeCovariances covariances = SolvedCovariances(build, visits, group, options);
   std::vector<VisitStep> steps;
   for (const VisitRef& ref : visits) {
     const MappingVisit& visit = VisitOf(build, ref);
-    steps.push_back({VisitLogLikelihood(build, ref, options), visit.begin, visit.end});
+    steps.push_back({Score(build, ref, covariances, options), visit.begin, visit.end});
   }
   const Eigen::VectorXd start = StartOf(build, group, chain, VisitOf(build, visits.front()).begin);
   ModeSequenceProblem sequence = MakeVisitSequence(start.array().log(), chain, steps);
@@ -317,7 +374,7 @@ ModeChain ChainOf(const BuildState& build, GroupIndex group, const ModeOptions& 
 Eigen::VectorXd VisitLogLikelihood(const BuildState& build,
                                    const VisitRef& ref,
                                    const ModeOptions& options) {
-  return build.placed() ? ScoreJointly(build, ref, options) : ScoreBySighting(build, ref, options);
+  return Score(build, ref, KnownCovariances(build, VisitOf(build, ref).group), options);
 }
 
 ModeSequenceProblem MakeGroupSequence(const BuildState& build,
@@ -378,7 +435,8 @@ int CreateModes(const ModeOptions& options, BuildState* build) {
   return created;
 }
 
-int SplitModes(const ModeOptions& options, BuildState* build, int threads) {
+int SplitModes(const ModeOptions& of_selection, BuildState* build, int threads) {
+  const ModeOptions options = ForSplits(of_selection, *build, threads);
   int created = 0;
   const auto by_group = VisitsByGroup(*build);
   IndexedVector<GroupIndex, std::optional<Split>> splits(by_group.size());

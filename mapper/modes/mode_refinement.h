@@ -44,8 +44,9 @@ int CreateModes(const ModeOptions& options, BuildState* build);
 
 /// Makes a mode at the place of a visit that is far from its own, where the most likely sequence of
 /// the group gains by it more than the visit costs as one of a new place. One mode between two
-/// places explains visits at both so well that none of them is absent. Returns how many modes were
-/// made.
+/// places explains visits at both so well that none of them is absent. The error that visits share
+/// is what they show (SharedVisitVariance), between ModeOptions::position_floor_m and
+/// score_position_sd_m. Returns how many modes were made.
 /// @param threads  As of SelectModes().
 int SplitModes(const ModeOptions& options, BuildState* build, int threads = 1);
 

@@ -14,6 +14,7 @@
 
 #include "mapper/covariance/gauge.h"
 #include "mapper/modes/mode_merging.h"
+#include "mapper/modes/visit_scatter.h"
 #include "mapper/parallel.h"
 #include "mapper/rows.h"
 #include "mapper/run_maps/variance_factor.h"
@@ -238,6 +239,12 @@ bool EstimateRunVariances(const MapperOptions& options, BuildState* build) {
     double& factor = build->runs[r].variance_factor;
     factor = (variances[r] ? variances[r]->factor : factor) * in_weights;
     largest = std::max(largest, factor);
+  }
+  // Both are of the same moves.
+  for (const auto& [mode, scatter] : VisitScatter(options.modes, *build, options.threads)) {
+    Eigen::Matrix2d& of_mode =
+        build->disagreement.of_modes.try_emplace(mode, Eigen::Matrix2d::Zero()).first->second;
+    if (scatter.trace() > of_mode.trace()) of_mode = scatter;
   }
   return largest > kNegligible;
 }

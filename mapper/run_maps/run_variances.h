@@ -35,10 +35,10 @@ Disagreement DisagreementOf(const DisagreementOptions& options,
 /// Estimates what a build's assumed noise does not have: the variance factor of each run, which its
 /// own residuals show (VarianceFactor), and BuildState::disagreement: all runs by themselves and
 /// the prior map may disagree more about the shape of the map than these covariances say (Birge
-/// 1932). In a map of more than kMaxJointModes the latter is in the factors of all runs. A run of
-/// fewer than three modes, or of more than ConfirmationOptions::max_modes, or that does not
-/// determine them by itself, has no factor of its own; all are taken to agree with one of the
-/// latter.
+/// 1932), and the visits of a mode about it (VisitScatter). In a map of more than kMaxJointModes
+/// the latter is in the factors of all runs. A run of fewer than three modes, or of more than
+/// ConfirmationOptions::max_modes, or that does not determine them by itself, has no factor of its
+/// own; all are taken to agree with one of the latter.
 /// @param build  Solved, with all factors 1.
 /// @return Whether the build is to be solved with them.
 bool EstimateRunVariances(const MapperOptions& options, BuildState* build);

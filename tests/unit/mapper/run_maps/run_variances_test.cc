@@ -149,7 +149,7 @@ TEST_F(EstimateRunVariancesTest, AMapHasTheErrorsItClaimsWhereErrorsLast) {
   EXPECT_GT(nees, 0.4);
   EXPECT_LT(nees, 2.0);
   mapper_.confirmation.max_modes = 0;
-  EXPECT_GT(NeesPerDof(mapper_, 0.1), 3.0);  // Nothing is estimated then.
+  EXPECT_GT(NeesPerDof(mapper_, 0.1), 2.5);  // No variance of runs is estimated then.
 }
 
 // How the others differ from a map that a large run made most of tells nothing without that run.
