@@ -191,7 +191,7 @@ void Localizer::ProcessScan(const Scan& scan) {
     window_.clear();
     window_.push_back(step_);
     StartAt(*std::exchange(next_start_, std::nullopt), 0);
-    given_ = true;
+    given_ = !health_.Confirms();
     return;
   }
   const bool searching = !bank_ || health_.lost();
@@ -340,8 +340,8 @@ void Localizer::JudgeOutcomes(const Scan& scan, const BankEvents& events) {
   }
   health_.Judge();
   if (!health_.lost()) {
-    if (health_.Confirms() && !rival_) {
-      confirmed_ = scan.stamp;
+    if (health_.Confirms() && !rival_) confirmed_ = scan.stamp;
+    if (was_lost || health_.Confirms() || (health_.Doubts() && health_.LandmarksMoved())) {
       given_ = false;
     }
     if (!rival_) FindRival(scan.stamp);

@@ -213,7 +213,7 @@ class Localizer {
   Stamp heard_;                 // Of the last odometry or scan.
   bool in_gap_ = false;         // Until a scan tells the heading again.
   bool vague_ = false;          // The pose, beyond LocalizerOptions::max_position_sd_m.
-  bool given_ = false;          // The pose, and landmarks have not confirmed it.
+  bool given_ = false;          // The pose, and landmarks have not spoken for it.
   Stamp scan_stamp_;            // Of the last scan.
   Stamp confirmed_;             // The pose, last; else its start.
   std::optional<RivalPose> rival_;

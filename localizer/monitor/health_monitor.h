@@ -98,8 +98,11 @@ class HealthMonitor {
   /// Support().Confirms(), in constant time.
   bool Confirms() const;
 
-  /// Support().Doubts(), and distances do not show that the landmarks moved.
-  bool Doubts() const { return all_.Doubts() && !LandmarksMoved(tallies_.begin()); }
+  /// Support().Doubts(), in constant time.
+  bool Doubts() const { return all_.Doubts(); }
+
+  /// The distances of landmarks that fail show that these moved, and not that the pose is wrong.
+  bool LandmarksMoved() const { return LandmarksMoved(tallies_.begin()); }
 
   /// Begin of the failures that made the pose lost. What was concluded since is not to be trusted.
   Stamp failing_since() const { return failing_since_; }
