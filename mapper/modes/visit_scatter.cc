@@ -84,12 +84,18 @@ Eigen::Matrix2d WithShared(const Eigen::Matrix2d& cov, double shared) {
   return cov + shared * Eigen::Matrix2d::Identity();
 }
 
+// About their weighted mean: χ² of dof(), also where a prior map holds the mode.
 double SumOfSquares(const ModeVisits& visits, double shared) {
   double sum = 0.0;
+  Eigen::Matrix2d information = Eigen::Matrix2d::Zero();
+  Eigen::Vector2d weighted = Eigen::Vector2d::Zero();
   for (const Deviation& deviation : visits.deviations) {
-    sum += SquaredMahalanobis(deviation.from_mode, WithShared(deviation.cov, shared));
+    const Eigen::Matrix2d weight = WithShared(deviation.cov, shared).inverse();
+    sum += deviation.from_mode.dot(weight * deviation.from_mode);
+    information += weight;
+    weighted += weight * deviation.from_mode;
   }
-  return sum;
+  return sum - weighted.dot(information.inverse() * weighted);
 }
 
 // Whether the median mode scatters by no more than the median of its χ² (Wilson, Hilferty 1931).
@@ -99,15 +105,18 @@ bool Explains(double shared, const std::vector<ModeVisits>& modes) {
     const double dof = visits.dof();
     ratios.push_back(SumOfSquares(visits, shared) / (dof * std::pow(1.0 - 2.0 / (9.0 * dof), 3)));
   }
-  const auto median = ratios.begin() + static_cast<std::ptrdiff_t>(ratios.size() / 2);
+  const auto median = ratios.begin() + static_cast<std::ptrdiff_t>((ratios.size() - 1) / 2);
   std::nth_element(ratios.begin(), median, ratios.end());
   return *median <= 1.0;
 }
 
-// What the visits of most modes have in common beside the noise of their sightings. [m²]
-double SharedVariance(const std::vector<ModeVisits>& modes) {
+// What the visits of most modes have in common beside the noise of their sightings. Of a few modes
+// one that scatters would be the measure of itself: they tell nothing. [m²]
+double SharedVariance(const ModeOptions& options, const std::vector<ModeVisits>& modes) {
   constexpr int kHalvings = 20;
-  if (modes.empty() || Explains(0.0, modes)) return 0.0;
+  constexpr std::size_t kMinModes = 4;
+  if (modes.size() < kMinModes) return options.score_position_sd_m * options.score_position_sd_m;
+  if (Explains(0.0, modes)) return 0.0;
   double low = 0.0;
   double high = 1.0;  // Visits are within a metre of their modes.
   for (int i = 0; i < kHalvings; ++i) {
@@ -150,14 +159,14 @@ std::vector<ModeVisits> VisitsOfModes(const ModeOptions& options,
 }  // namespace
 
 double SharedVisitVariance(const ModeOptions& options, const BuildState& build, int threads) {
-  return SharedVariance(VisitsOfModes(options, build, threads));
+  return SharedVariance(options, VisitsOfModes(options, build, threads));
 }
 
 std::map<ModeIndex, Eigen::Matrix2d> VisitScatter(const ModeOptions& options,
                                                   const BuildState& build,
                                                   int threads) {
   const std::vector<ModeVisits> modes = VisitsOfModes(options, build, threads);
-  const double shared = SharedVariance(modes);
+  const double shared = SharedVariance(options, modes);
   std::map<ModeIndex, Eigen::Matrix2d> excesses;
   for (const ModeVisits& visits : modes) {
     const double squares = SumOfSquares(visits, shared);

@@ -10,10 +10,11 @@
 namespace shiftmap {
 
 /// Variance of what the visits of a build share beside the noise of their sightings: of poses, and
-/// of the sensor where its errors last. Visit v puts its landmark δ_v from the mode, by its
-/// sightings with the covariance C_v, and the fit takes a part of the noise, so that Σ δ_vᵀ (C_v +
-/// s² I)⁻¹ δ_v is at most χ² of two degrees of freedom a visit but one. With this s² the median
-/// mode is as expected. [m²]
+/// of the sensor where its errors last. Visit v puts its landmark δ_v from the weighted mean of the
+/// mode's visits, by its sightings with the covariance C_v, and poses that are fitted take a part
+/// of the noise, so that Σ δ_vᵀ (C_v + s² I)⁻¹ δ_v is at most χ² of two degrees of freedom a visit
+/// but one. With this s² the median mode is as expected; where fewer than four modes tell, it is
+/// ModeOptions::score_position_sd_m squared. [m²]
 /// @param build  Solved.
 double SharedVisitVariance(const ModeOptions& options, const BuildState& build, int threads);
 

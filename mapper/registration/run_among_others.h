@@ -19,6 +19,7 @@ Owners OwnersOf(const BuildState& build);
 /// Counts a run once more, or once less.
 void AddOwner(const BuildRun& run, int change, Owners* owners);
 
+/// @param others  Must outlive the result.
 ModeFilter HasOwner(const Owners& others);
 
 /// How the visits of a run agree with the others. Only visits that make a mode count.
