@@ -378,7 +378,6 @@ void Localizer::JudgeRival() {
     ++statistics_.starts;
     DistrustPose(rival_->since);
     ForgetOutcomes();
-    given_ = false;
   }
   rival_.reset();
 }
@@ -497,6 +496,7 @@ void Localizer::ForgetOutcomes() {
   changes_.Reset();
   missed_.Reset();
   quality_.Reset();
+  given_ = false;
 }
 
 void Localizer::StartAt(const PoseWithCovariance& pose, std::size_t first) {
@@ -509,7 +509,6 @@ void Localizer::StartAt(const PoseWithCovariance& pose, std::size_t first) {
     bank_.emplace(snapshot_, options_.hypotheses, pose, stamp);
   }
   confirmed_ = stamp;
-  given_ = false;
   in_gap_ = false;
   rival_.reset();
   ++statistics_.starts;

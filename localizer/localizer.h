@@ -170,7 +170,7 @@ class Localizer {
   void AccountTime(Stamp stamp);
   LocalizerState JudgeState() const;
 
-  // A pose that was given, and what is seen speaks against it from the start.
+  // Most landmarks seen since the start contradict a pose that was given.
   bool StartsInDoubt() const { return given_ && health_.Doubts(); }
   void SetState(LocalizerState state);
 

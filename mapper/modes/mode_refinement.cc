@@ -161,8 +161,8 @@ ModeCovariances KnownCovariances(const BuildState& build, GroupIndex group) {
   return result;
 }
 
-// The same where the build's visits at a mode, each with the error of pose and map, tell of it too:
-// what was known badly has come to where they are.
+// The same after the build's visits at a mode, each with the error of pose and map: a mode that was
+// known badly has come to where they are.
 ModeCovariances SolvedCovariances(const BuildState& build,
                                   const std::vector<VisitRef>& visits,
                                   GroupIndex group,
@@ -178,22 +178,6 @@ ModeCovariances SolvedCovariances(const BuildState& build,
     result[k] = of_visits * (result[k] + of_visits).inverse() * result[k];
   }
   return result;
-}
-
-// Where the sightings of a visit put its landmark from the present poses.
-std::vector<SeenPlace> SeenPlaces(const BuildState& build,
-                                  const BuildRun& run,
-                                  const MappingVisit& visit) {
-  const std::vector<Eigen::Vector2d> positions = VisitPositions(run, visit);
-  std::vector<SeenPlace> seen;
-  for (std::size_t i = 0; i < positions.size(); ++i) {
-    const Sighting& sighting = run.data->sightings[visit.sightings[i]];
-    const Eigen::Matrix2d R = run.poses[sighting.frame].Rotation();
-    const Eigen::Matrix2d cov = PositionNoiseInVehicle(
-        sighting.observation, ObservationNoise(sighting.observation, build.sensor));
-    seen.push_back({positions[i], R * cov * R.transpose()});
-  }
-  return seen;
 }
 
 // Before all runs are placed, the error of a pose may be of any size and differ from scan to scan:

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "localizer/hypothesis/log_math.h"
+#include "localizer/models/observation_model.h"
 #include "mapper/graph/graph.h"
 #include "mapper/state/sightings.h"
 
@@ -30,6 +31,21 @@ const RobustLoss& GraphLoss() {
 }
 
 }  // namespace
+
+std::vector<SeenPlace> SeenPlaces(const BuildState& build,
+                                  const BuildRun& run,
+                                  const MappingVisit& visit) {
+  const std::vector<Eigen::Vector2d> positions = VisitPositions(run, visit);
+  std::vector<SeenPlace> seen;
+  for (std::size_t i = 0; i < positions.size(); ++i) {
+    const Sighting& sighting = run.data->sightings[visit.sightings[i]];
+    const Eigen::Matrix2d R = run.poses[sighting.frame].Rotation();
+    const Eigen::Matrix2d cov = PositionNoiseInVehicle(
+        sighting.observation, ObservationNoise(sighting.observation, build.sensor));
+    seen.push_back({positions[i], R * cov * R.transpose()});
+  }
+  return seen;
+}
 
 VisitDensity::VisitDensity(const std::vector<SeenPlace>& seen,
                            const SensorCalibration& sensor,

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "mapper/graph/robust_loss.h"
+#include "mapper/state/build_state.h"
 #include "mapstore/map/calibration.h"
 
 namespace shiftmap {
@@ -15,6 +16,11 @@ struct SeenPlace {
   Eigen::Vector2d position = Eigen::Vector2d::Zero();  ///< [m]
   Eigen::Matrix2d cov = Eigen::Matrix2d::Zero();       ///< By the noise of the sensor. [m²]
 };
+
+/// Of the sightings of a visit, in their order, from the present poses.
+std::vector<SeenPlace> SeenPlaces(const BuildState& build,
+                                  const BuildRun& run,
+                                  const MappingVisit& visit);
 
 /// What the sightings of a visit say of where the landmark stands. They are false alarms; of the
 /// landmark, at q as the poses of the visit have it; or of something that is misread as the

@@ -10,7 +10,7 @@
 #include <utility>
 #include <vector>
 
-#include "localizer/models/observation_model.h"
+#include "mapper/modes/visit_density.h"
 #include "mapper/parallel.h"
 #include "mapper/state/sightings.h"
 #include "mapper/state/visit_ref.h"
@@ -40,22 +40,17 @@ std::optional<Deviation> DeviationOf(const ModeOptions& options,
   const BuildRun& run = build.runs[ref.run];
   const MappingVisit& visit = VisitOf(build, ref);
   if (!MakesMode(options, visit)) return std::nullopt;
-  const std::vector<Eigen::Vector2d> positions = VisitPositions(run, visit);
-  const VisitCluster cluster = DensestCluster(positions, options.cluster_radius_m);
+  const VisitCluster cluster = ClusterOf(run, visit, options.cluster_radius_m);
   if (cluster.count < options.min_sightings) return std::nullopt;
   if ((cluster.centre - p_mode).norm() > 2.0 * options.cluster_radius_m) return std::nullopt;
   Eigen::Matrix2d information = Eigen::Matrix2d::Zero();
   Eigen::Vector2d weighted = Eigen::Vector2d::Zero();
-  for (std::size_t i = 0; i < positions.size(); ++i) {
-    if ((positions[i] - cluster.centre).norm() > options.cluster_radius_m) continue;
-    const Sighting& sighting = run.data->sightings[visit.sightings[i]];
-    const Eigen::Matrix2d R = run.poses[sighting.frame].Rotation();
-    const Eigen::Matrix2d cov = PositionNoiseInVehicle(
-        sighting.observation, ObservationNoise(sighting.observation, build.sensor));
-    const Eigen::Matrix2d of_sighting = (R * cov * R.transpose()).inverse();
+  for (const SeenPlace& seen : SeenPlaces(build, run, visit)) {
+    if ((seen.position - cluster.centre).norm() > options.cluster_radius_m) continue;
+    const Eigen::Matrix2d of_sighting = seen.cov.inverse();
     if (!of_sighting.allFinite()) continue;
     information += of_sighting;
-    weighted += of_sighting * (positions[i] - p_mode);
+    weighted += of_sighting * (seen.position - p_mode);
   }
   const Eigen::Matrix2d cov = information.inverse();
   if (!cov.allFinite()) return std::nullopt;
