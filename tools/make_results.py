@@ -71,9 +71,10 @@ EXPERIMENTS = {
 
 HEAD = """# Results
 
-Every file here was written by a command; no figure is typed. This page is written by `tools/make_results.py`, which also makes a result anew: `tools/make_results.py engines`.
-OUT is the folder of the result, WORK a scratch folder, DATA the recorded data (`$SHIFTMAP_DATA`). `source.json` has the load of the machine: times are comparable within
-one file only. Figures of the two papers, item by item: [papers.md](papers.md).
+Commands wrote all files here, and `tools/make_results.py` this page. `tools/make_results.py engines` makes a
+result anew. OUT is the folder of the result, WORK a scratch folder, DATA the recorded data
+(`$SHIFTMAP_DATA`). Times are comparable within one file only. Figures of the two papers, item by item:
+[papers.md](papers.md).
 
 | result | shows | command | commit |
 | --- | --- | --- | --- |
