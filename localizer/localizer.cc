@@ -25,6 +25,9 @@ constexpr double kMaxYawSd = 0.7;
 // A vehicle that looks anywhere sees every landmark at some place or other. [rad]
 constexpr double kNoYawSd = 1.5;
 
+// A pose that was too vague is trusted again below this share of the limit.
+constexpr double kNoLongerVague = 0.5;
+
 // A landmark that is expected no better than this agrees with more than one pose. [m]
 constexpr double kMaxExactSd = 0.3;
 
@@ -65,6 +68,13 @@ bool HasNoPlace(const PoseWithCovariance& pose, const SensorCalibration& sensor)
   return pose.cov_T_map_vehicle.topLeftCorner<2, 2>().trace() >
              sensor.max_range_m * sensor.max_range_m ||
          IsNowhere(pose);
+}
+
+// One landmark leaves open where about it the vehicle is.
+bool Determines(const std::vector<ObservationOutcome>& outcomes) {
+  return std::count_if(outcomes.begin(), outcomes.end(), [](const ObservationOutcome& outcome) {
+           return outcome.gated;
+         }) >= 2;
 }
 
 bool AtTwoPlaces(const Observation& a, const Observation& b, const SensorCalibration& sensor) {
@@ -291,9 +301,11 @@ void Localizer::Step(const WindowScan& step) {
   scan_stamp_ = step.scan.stamp;
 
   JudgeOutcomes(step.scan, events);
+  if (step.scan.stamp == now_) JudgeOdometry(events);
   const PoseWithCovariance best = bank_->best().filter.Pose();
   const PoseWithCovariance pose = bank_->Pose();
-  vague_ = LargestSd(pose.cov_T_map_vehicle.topLeftCorner<2, 2>()) > options_.max_position_sd_m;
+  vague_ = LargestSd(pose.cov_T_map_vehicle.topLeftCorner<2, 2>()) >
+           options_.max_position_sd_m * (vague_ ? kNoLongerVague : 1.0);
   const bool unlocalized =
       had_no_place || HasNoPlace(best, sensor) || HasNoHeading(step.motion, best);
   if (!health_.lost() && unlocalized) {
@@ -313,6 +325,16 @@ void Localizer::Step(const WindowScan& step) {
       new_innovations_.push_back({step.scan.stamp, outcome});
     }
   }
+}
+
+// By the present scan.
+void Localizer::JudgeOdometry(const BankEvents& events) {
+  odometry_trust_.Move(step_.motion.increment.T_begin_end);
+  if (!health_.lost() && Determines(events.outcomes)) {
+    odometry_.PoseDetermined();
+    odometry_trust_.Compare(bank_->best().filter.Pose());
+  }
+  odometry_.Trust(odometry_trust_.trusted());
 }
 
 void Localizer::JudgeOutcomes(const Scan& scan, const BankEvents& events) {
@@ -360,6 +382,7 @@ void Localizer::FindRival(Stamp stamp) {
     Consider(*fault->rival, fault->since);
   } else {
     health_.DeclareLost(fault->since);
+    odometry_trust_.Distrust();
   }
 }
 

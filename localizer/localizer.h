@@ -18,6 +18,7 @@
 #include "localizer/monitor/health_monitor.h"
 #include "localizer/monitor/innovation_quality.h"
 #include "localizer/monitor/missed_passes.h"
+#include "localizer/monitor/odometry_trust.h"
 #include "localizer/monitor/recent_scans.h"
 #include "localizer/monitor/sighting_collector.h"
 #include "localizer/monitor/state_change.h"
@@ -157,6 +158,7 @@ class Localizer {
   // must not count twice, and what a lost vehicle saw is no evidence.
   void ForgetSince(Stamp stamp);
 
+  void JudgeOdometry(const BankEvents& events);
   void JudgeOutcomes(const Scan& scan, const BankEvents& events);
   void JudgeDecisions(const BankEvents& events, Stamp stamp);
   SightingCollector::PlaceState Collect(const Observation& observation, Stamp stamp);
@@ -199,6 +201,7 @@ class Localizer {
   HealthMonitor health_;
   ChangeMonitor changes_;
   MissedPasses missed_;
+  OdometryTrust odometry_trust_;
   InnovationQuality quality_;
   SightingCollector sightings_;
   LocalizerState state_ = LocalizerState::kInitializing;

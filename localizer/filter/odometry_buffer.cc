@@ -17,11 +17,11 @@ constexpr double kUnknownMotion = 0.5;
 // Kept before the first scan.
 constexpr std::size_t kSamplesBeforeStart = 8192;
 
-// Appends more of a silence. A speed that nobody knows is still one speed: the way goes with the
-// time, not with its root.
-void AppendSilence(double elapsed_s, double speed_mps, OdometryBuffer::Motion* motion) {
-  const double silent_s = std::exchange(motion->silent_s, motion->silent_s + elapsed_s);
-  const double way_variance = speed_mps * speed_mps * elapsed_s * (2.0 * silent_s + elapsed_s);
+// Appends what is not known of a motion that nothing measures. A speed that nobody knows is still
+// one speed: the way goes with the time, not with its root.
+void AppendUnknown(double elapsed_s, double speed_mps, OdometryBuffer::Motion* motion) {
+  const double unknown_s = std::exchange(motion->unknown_s, motion->unknown_s + elapsed_s);
+  const double way_variance = speed_mps * speed_mps * elapsed_s * (2.0 * unknown_s + elapsed_s);
   motion->increment.cov.diagonal().array() += kUnknownMotion * kUnknownMotion * elapsed_s;
   motion->increment.cov.diagonal().head<2>().array() += way_variance;
 }
@@ -30,6 +30,8 @@ void AppendSilence(double elapsed_s, double speed_mps, OdometryBuffer::Motion* m
 
 void OdometryBuffer::Add(const OdometrySample& sample) {
   samples_.push_back(sample);
+  if (!has_spoken_) fastest_mps_ = kLeastTopSpeed;
+  has_spoken_ = true;
   fastest_mps_ = std::max(fastest_mps_, std::abs(calibration_.scale_v * sample.v_mps));
   if (samples_.full() && started_) AdvanceTo(sample.stamp);
   if (!samples_.full()) return;
@@ -49,6 +51,7 @@ OdometryBuffer::Motion OdometryBuffer::Take(Stamp end) {
   AdvanceTo(end);
   Motion next;
   next.silent_s = pending_.silent_s;
+  next.unknown_s = pending_.unknown_s;
   return std::exchange(pending_, next);
 }
 
@@ -60,7 +63,8 @@ void OdometryBuffer::Restart() {
   samples_.clear();
   started_ = false;
   pending_ = Motion();
-  fastest_mps_ = 0.0;
+  fastest_mps_ = kUnknownSpeed;
+  has_spoken_ = false;
 }
 
 void OdometryBuffer::AdvanceTo(Stamp end) {
@@ -73,18 +77,27 @@ void OdometryBuffer::AdvanceTo(Stamp end) {
     for (std::size_t i = 0; i < std::min<std::size_t>(2, samples_.size()); ++i) {
       if (samples_[i].stamp + lag > now_) next = std::min(next, samples_[i].stamp + lag);
     }
+    if (held) next = std::min(next, samples_[0].stamp + lag + kHold);
+    const double elapsed_s = ToSeconds(next - now_);
     if (held) {
       pending_.silent_s = 0.0;
-      next = std::min(next, samples_[0].stamp + lag + kHold);
       AppendMotion(samples_[0].v_mps,
                    samples_[0].omega_radps,
                    next - now_,
                    calibration_,
                    &pending_.increment);
     } else {
-      AppendSilence(ToSeconds(next - now_), fastest_mps_, &pending_);
+      pending_.silent_s += elapsed_s;
     }
-    pending_.elapsed_s += ToSeconds(next - now_);
+    if (!held) {
+      AppendUnknown(elapsed_s, fastest_mps_, &pending_);
+    } else if (!trusted_) {
+      const double said_mps = std::abs(calibration_.scale_v * samples_[0].v_mps);
+      AppendUnknown(elapsed_s, std::max(said_mps, kLeastTopSpeed), &pending_);
+    } else {
+      pending_.unknown_s = 0.0;
+    }
+    pending_.elapsed_s += elapsed_s;
     now_ = next;
   }
 }

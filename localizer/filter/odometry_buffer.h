@@ -12,8 +12,9 @@ namespace shiftmap {
 ///
 /// The velocity that holds at time t is that of the newest sample at or before t - lag. A sample
 /// holds for a second at most: in a longer gap the vehicle counts as anywhere that it could have
-/// got to. It is thought to stand, with a standard deviation of its speed, the same for the whole
-/// silence, as large as the fastest that odometry has told of, and a random walk of its heading.
+/// got to. It is thought to stand, with a standard deviation of its speed, the same until landmarks
+/// determine the pose, as large as the fastest that odometry has told of, and a random walk of its
+/// heading. The same noise is added to odometry that is not trusted, with the speed that it says.
 ///
 /// Memory: room for 256 samples, made at once; for more if the lag asks for it or before a Take().
 class OdometryBuffer {
@@ -30,8 +31,18 @@ class OdometryBuffer {
     MotionIncrement increment;
     double elapsed_s = 0.0;
     double silent_s = 0.0;  ///< At `end`: since the last sample ceased to hold; 0 if one holds. [s]
+
+    /// At `end`: since odometry was trusted, or PoseDetermined() if that is later. [s]
+    double unknown_s = 0.0;
   };
   Motion Take(Stamp end);
+
+  /// Landmarks determined the pose at the end of the last Take(): a way that is not known begins
+  /// there.
+  void PoseDetermined() { pending_.unknown_s = 0.0; }
+
+  /// Whether odometry is trusted from the end of the last Take() on; at first it is.
+  void Trust(bool trusted) { trusted_ = trusted; }
 
   /// How long after the last sample a heading that was exact is uncertain by `sd_rad`.
   static Duration SilenceUntil(double sd_rad);
@@ -42,15 +53,21 @@ class OdometryBuffer {
  private:
   static constexpr std::size_t kSamples = 256;
 
+  // What a vehicle may drive of which nothing is known, or no more than that it was slow. [m/s]
+  static constexpr double kUnknownSpeed = 2.0;
+  static constexpr double kLeastTopSpeed = 1.0;
+
   // Integrates pending_ up to `end` and lets go of samples that nothing needs any more.
   void AdvanceTo(Stamp end);
 
   OdometryCalibration calibration_;
   boost::circular_buffer<OdometrySample> samples_{kSamples + 1};
   bool started_ = false;
-  Stamp now_;                 // Up to where pending_ reaches.
-  Motion pending_;            // Its silent_s is that at now_.
-  double fastest_mps_ = 0.0;  // That odometry has told of.
+  Stamp now_;       // Up to where pending_ reaches.
+  Motion pending_;  // Its silent_s and unknown_s are those at now_.
+  double fastest_mps_ = kUnknownSpeed;
+  bool has_spoken_ = false;
+  bool trusted_ = true;
 };
 
 }  // namespace shiftmap

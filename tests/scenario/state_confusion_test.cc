@@ -168,7 +168,25 @@ TEST(TrustOfShifts, ATurnRateThatIsMissingIsFoundOut) {
     AddTrust(shift, events, &trust);
   }
   EXPECT_GT(trust.trusted_s, kShifts * 60.0);
-  EXPECT_LT(trust.wrong_s, 0.015 * trust.trusted_s);
+  EXPECT_LT(trust.wrong_s, 0.003 * trust.trusted_s);
+}
+
+// From the beginning, or from some time on.
+TEST(TrustOfShifts, ScansWithoutOdometryAreTrustedOnlyWhereTheyDetermineThePose) {
+  constexpr int kShifts = 40;
+  for (const double begin_s : {0.0, 25.0}) {
+    Trust trust;
+    for (std::uint64_t seed = 8101; seed < 8101 + kShifts; ++seed) {
+      const CausedShift shift = DrawShift(ShiftCause::kNothing, seed);
+      std::vector<RunEvent> events = shift.events;
+      std::erase_if(events, [&](const RunEvent& event) {
+        return std::holds_alternative<OdometrySample>(event) && SecondsIn(event, shift) >= begin_s;
+      });
+      AddTrust(shift, events, &trust);
+    }
+    EXPECT_GT(trust.trusted_s, kShifts * 60.0) << begin_s;
+    EXPECT_LT(trust.wrong_s, 0.001 * trust.trusted_s) << begin_s;
+  }
 }
 
 TEST(TrustOfShifts, APoseAsVagueAsAfterAGapIsNotTrusted) {

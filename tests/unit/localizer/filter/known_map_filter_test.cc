@@ -552,14 +552,45 @@ TEST(OdometryBuffer, DoesNotTrustSilence) {
   OdometryBuffer buffer(OdometryCalibration{});
   const Stamp begin = StampFromSeconds(50.0);
   buffer.Take(begin);
-  buffer.Add({begin, 1.0, 0.0});
+  buffer.Add({begin, 3.0, 0.0});
   const OdometryBuffer::Motion motion = buffer.Take(begin + FromSeconds(5.0));
-  EXPECT_NEAR(motion.increment.T_begin_end.x(), 1.0, 1e-9);  // Held for a second, then unknown.
+  EXPECT_NEAR(motion.increment.T_begin_end.x(), 3.0, 1e-9);  // Held for a second, then unknown.
   EXPECT_NEAR(motion.silent_s, 4.0, 1e-9);
-  // The vehicle may have gone on at 1 m/s in any direction.
-  EXPECT_GT(motion.increment.cov(0, 0), 16.0);
-  EXPECT_GT(motion.increment.cov(1, 1), 16.0);
-  EXPECT_LT(motion.increment.cov(0, 0), 20.0);
+  // The vehicle may have gone on at 3 m/s in any direction.
+  EXPECT_GT(motion.increment.cov(0, 0), 144.0);
+  EXPECT_GT(motion.increment.cov(1, 1), 144.0);
+  EXPECT_LT(motion.increment.cov(0, 0), 150.0);
+}
+
+// The speed may be another one in each part.
+TEST(OdometryBuffer, AnUnknownWayBeginsWhereLandmarksDetermineThePose) {
+  const Stamp begin = StampFromSeconds(50.0);
+  OdometryBuffer buffer(OdometryCalibration{});
+  buffer.Take(begin);
+  for (int i = 1; i <= 100; ++i) {
+    const OdometryBuffer::Motion step = buffer.Take(begin + FromSeconds(0.1 * i));
+    EXPECT_NEAR(step.silent_s, 0.1 * i, 1e-9);
+    EXPECT_LT(step.increment.cov(0, 0), 0.1);  // 0.2 m at 2 m/s.
+    EXPECT_GT(step.increment.cov(0, 0), 0.04);
+    buffer.PoseDetermined();
+  }
+}
+
+TEST(OdometryBuffer, OdometryThatIsNotTrustedIsAsGoodAsSilence) {
+  const Stamp begin = StampFromSeconds(50.0);
+  OdometryBuffer buffer(OdometryCalibration{});
+  buffer.Take(begin);
+  for (int i = 0; i < 200; ++i) buffer.Add({begin + FromSeconds(0.1 * i), 2.0, 0.2});
+  const OdometryBuffer::Motion good = buffer.Take(begin + FromSeconds(5.0));
+  buffer.Trust(false);
+  const OdometryBuffer::Motion bad = buffer.Take(begin + FromSeconds(10.0));
+  buffer.Trust(true);
+  const OdometryBuffer::Motion good_again = buffer.Take(begin + FromSeconds(15.0));
+  EXPECT_EQ(bad.silent_s, 0.0);
+  EXPECT_LT((good.increment.T_begin_end.Inverse() * bad.increment.T_begin_end).Log().norm(), 1e-9);
+  EXPECT_LT((good.increment.cov - good_again.increment.cov).norm(), 1e-9);
+  EXPECT_GT(bad.increment.cov(0, 0), 100.0);  // 10 m at 2 m/s.
+  EXPECT_GT(bad.increment.cov(2, 2), 1.0);
 }
 
 TEST(OdometryBuffer, ASilenceIsTheSameInManySteps) {
