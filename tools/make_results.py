@@ -129,7 +129,7 @@ def source_of(name):
     if noted.exists():
         source = json.loads(noted.read_text(encoding="utf-8"))
         return source["command"], source["commit"]
-    return EXPERIMENTS[name][1], git("log", "-1", "--format=%h", "--", str(RESULTS / name)) or "–"
+    return EXPERIMENTS[name][1], git("log", "-1", "--abbrev=7", "--format=%h", "--", str(RESULTS / name)) or "–"
 
 
 def write_page():
