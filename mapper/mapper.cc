@@ -356,14 +356,12 @@ StatusOr<BuildState> PlaceRuns(const std::vector<MappingRun>& runs,
   return build;
 }
 
-// Runs of a build without a prior map do not tell their scales, and those of one vehicle share one.
-// A prior map that knows its scale better than sensors do lost nothing of it (RemoveScale).
-ScaleUncertainty ScaleOf(const MapperOptions& options, const BuildState& build) {
-  ScaleUncertainty scale{std::max(options.sd_range_scale, build.sd_scale),
-                         options.sd_run_range_scale,
-                         RunsOfOwnScales(build)};
-  if (build.in_map_units && build.sd_scale == 0.0) scale.sd_common = 0.0;
-  return scale;
+// Of what no run tells. A prior map that knows its scale better than sensors do lost nothing of it
+// (RemoveScale). Of one vehicle also its own is not told.
+double ScaleSd(const MapperOptions& options, const BuildState& build) {
+  if (build.in_map_units && build.sd_scale == 0.0) return 0.0;
+  const double sd_own = TellsScales(build) ? 0.0 : options.sd_run_range_scale;
+  return std::hypot(std::max(options.sd_range_scale, build.sd_scale), sd_own);
 }
 
 // What is known about the solution of a build.
@@ -379,7 +377,7 @@ void Linearize(const MapperOptions& options, BuildState* build, SolvedGraph* sol
   solved->posterior = LinearizeForMap(solved->graph);
   if (!solved->posterior) return;
   solved->covariance = MapCovariance(
-      solved->graph, *solved->posterior, ScaleOf(options, *build), build->disagreement);
+      solved->graph, *solved->posterior, ScaleSd(options, *build), build->disagreement);
   if (!IsDetermined(solved->covariance)) solved->posterior = nullptr;
 }
 

@@ -214,7 +214,7 @@ struct MapperOptions {
   bool calibrate = true;
 
   /// How well the fleet's sensors know lengths: what they get wrong together goes into the map's
-  /// covariance, what each run's gets wrong beside it is estimated where there is a prior map.
+  /// covariance, what each run's gets wrong beside it is estimated (TellsScales).
   /// Standard deviations; 0: exactly. [-]
   double sd_range_scale = 0.02;
   double sd_run_range_scale = 0.01;

@@ -53,11 +53,11 @@ struct Systematic {
     return {mean(rows), cov(rows, rows), prior_mean(kTakenOff), prior_sd(kTakenOff)};
   }
 
-  // Logarithm. Runs that do not tell how long a metre is hold it at 0.
+  // Logarithm. Runs that do not tell it hold it at 0.
   // @param sd_run  Of what a run's is known to beforehand. [-]
-  Estimate RangeScaleOf(Eigen::Index vehicle, bool in_map_units, double sd_run) const {
+  Estimate RangeScaleOf(Eigen::Index vehicle, bool tells_scales, double sd_run) const {
     const Eigen::Index row = kRunCalibration * vehicle + kRangeScaleRow;
-    return {mean[row], in_map_units ? std::sqrt(cov(row, row)) : sd_run};
+    return {mean[row], tells_scales ? std::sqrt(cov(row, row)) : sd_run};
   }
 };
 
@@ -200,7 +200,7 @@ std::vector<VehicleEstimate> CalibrateVehicles(const MapperOptions& options,
     vehicle.scale_omega = Exponential(IntervalOf(found.log_scale_omega));
     vehicle.lag_s = IntervalOf(found.lag_s);
     vehicle.range_scale = Exponential(
-        IntervalOf(systematic.RangeScaleOf(index, build.in_map_units, options.sd_run_range_scale)));
+        IntervalOf(systematic.RangeScaleOf(index, TellsScales(build), options.sd_run_range_scale)));
     vehicle.bearing_offset_rad = IntervalOf(found.bearing_offset_rad);
     vehicle.range_curvature_per_rad2 = IntervalOf(found.range_curvature_per_rad2);
     vehicle.noise_v = IntervalOf(scatter.v);

@@ -54,28 +54,11 @@ STransformation MakeSTransformation(const Graph& graph, const GraphPosterior& po
   return {std::move(G), PG};
 }
 
-// Root of what the scales of ranges make uncertain, relative to the positions as a whole: columns
-// sd S, and sd q for the common one.
-// @param G  GaugeDirections().
-Eigen::MatrixXd ScaleRoot(const Graph& graph,
-                          const GraphPosterior& posterior,
-                          const Eigen::MatrixXd& G,
-                          const ScaleUncertainty& scale) {
-  const std::ptrdiff_t vehicles = std::ssize(scale.runs_of_vehicles);
-  Eigen::MatrixXd root(2 * graph.modes.end_index(), 1 + vehicles);
-  root.col(0) = scale.sd_common * OffsetsFromCentroid(graph.modes);
-  if (vehicles > 0) {
-    const Eigen::MatrixXd S = posterior.ModesByRangeScale(scale.runs_of_vehicles);
-    root.rightCols(vehicles) = scale.sd_vehicle * (S - G * (G.transpose() * S));
-  }
-  return root;
-}
-
 bool IsTiled(const Graph& graph) { return std::ssize(graph.modes) > kMaxJointModes; }
 
 JointCovariance TiledCovariance(const Graph& graph,
                                 const GraphPosterior& posterior,
-                                const ScaleUncertainty& scale,
+                                double sd_scale,
                                 const MapDisagreement& disagreement) {
   const std::vector<Modes> tiles = TileModes(graph.modes, kTileModes);
   IndexedVector<ModeIndex, std::size_t> tile_of(graph.modes.size());
@@ -83,13 +66,13 @@ JointCovariance TiledCovariance(const Graph& graph,
     for (const ModeIndex mode : tiles[t]) tile_of[mode] = t;
   }
   const STransformation change = MakeSTransformation(graph, posterior);
-  const Eigen::MatrixXd root = ScaleRoot(graph, posterior, change.G, scale);
+  const Eigen::VectorXd root = sd_scale * OffsetsFromCentroid(graph.modes);
   IndexedVector<ModeIndex, Eigen::Matrix2d> diagonal(graph.modes.size());
   std::vector<JointCovariance::CrossBlock> cross;
   const auto add_block = [&](ModeIndex a, ModeIndex b, const Eigen::Matrix2d& cov_a_b) {
     if (tile_of[a] != tile_of[b]) return;
     Eigen::Matrix2d block = ReferBlock(change, a, b, cov_a_b);
-    block.noalias() += root.middleRows<2>(2 * a) * root.middleRows<2>(2 * b).transpose();
+    block.noalias() += root.segment<2>(2 * a) * root.segment<2>(2 * b).transpose();
     if (a == b) {
       diagonal[a] = block;
     } else if (a < b) {
@@ -156,14 +139,14 @@ std::unique_ptr<GraphPosterior> LinearizeForMap(const Graph& graph) {
 
 JointCovariance MapCovariance(const Graph& graph,
                               const GraphPosterior& posterior,
-                              const ScaleUncertainty& scale,
+                              double sd_scale,
                               const MapDisagreement& disagreement) {
-  if (IsTiled(graph)) return TiledCovariance(graph, posterior, scale, disagreement);
+  if (IsTiled(graph)) return TiledCovariance(graph, posterior, sd_scale, disagreement);
   Eigen::MatrixXd P = posterior.ModeCovariance();
   if (disagreement.factor > 1.0) {
     P += (disagreement.factor - 1.0) * (P - P * PriorInformation(graph) * P);
   }
-  const Eigen::MatrixXd root = ScaleRoot(graph, posterior, GaugeDirections(graph.modes), scale);
+  const Eigen::VectorXd root = sd_scale * OffsetsFromCentroid(graph.modes);
   Eigen::MatrixXd cov = ReferToPositions(graph.modes, std::move(P));
   cov += root * root.transpose();
   for (const auto& [mode, of_mode] : disagreement.of_modes) {

@@ -56,15 +56,6 @@ class ModeDifferences {
 std::vector<std::vector<ModeIndex>> TileModes(
     const IndexedVector<ModeIndex, Eigen::Vector2d>& positions, int size);
 
-/// How well the scale of a map is known.
-struct ScaleUncertainty {
-  double sd_common = 0.0;   ///< Of what all sensors get wrong together. [-]
-  double sd_vehicle = 0.0;  ///< Of what each vehicle's gets wrong beside it. [-]
-
-  /// Each vehicle's runs, where they do not tell their own scale: it is held at 0.
-  std::vector<std::vector<RunIndex>> runs_of_vehicles = {};
-};
-
 /// The disagreement of runs with each other and with the prior map beyond their covariances.
 struct MapDisagreement {
   /// A variance factor of all runs that does not change how they weigh against the prior map.
@@ -83,18 +74,18 @@ std::unique_ptr<GraphPosterior> LinearizeForMap(const Graph& graph);
 /// Covariance of a graph's modes as a map has it, in the order of Graph::modes. [m²]
 ///
 /// It is referred to the positions as a whole (ReferToPositions), and has what no run tells of the
-/// scale: that of all sensors (AddScaleUncertainty), and that of each vehicle by P' = P + sd² S Sᵀ,
-/// S = d modes / d log scale. Without these it would be that of runs that agree about lengths.
+/// scale: that of all sensors (AddScaleUncertainty).
 ///
 /// Beyond kMaxJointModes modes it is that of modes in one tile of neighbours; between tiles it is
 /// zero, and positive definite all the same, as any block-diagonal part of a covariance is.
 /// @param posterior     LinearizeForMap() of the graph.
+/// @param sd_scale      Of what all sensors get wrong together. [-]
 /// @param disagreement  With its factor F and prior information Λ the covariance of the graph's
 ///                      minimum is F P - (F - 1) P Λ P; not beyond kMaxJointModes. That of single
 ///                      modes is added.
 JointCovariance MapCovariance(const Graph& graph,
                               const GraphPosterior& posterior,
-                              const ScaleUncertainty& scale,
+                              double sd_scale,
                               const MapDisagreement& disagreement);
 
 /// Whether a map says where its modes are: each is known to a hundred kilometres, and by a matrix

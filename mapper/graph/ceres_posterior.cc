@@ -181,21 +181,6 @@ void CeresPosterior::VisitModeCovariance(const BlockVisitor& visitor) const {
   }
 }
 
-// A scale that is held with the information w goes where it is pushed by w times its way, and all
-// others follow.
-Eigen::MatrixXd CeresPosterior::ModesByRangeScale(
-    const std::vector<std::vector<RunIndex>>& runs) const {
-  Eigen::MatrixXd push = Eigen::MatrixXd::Zero(CalibrationRows(), std::ssize(runs));
-  for (std::size_t column = 0; column < runs.size(); ++column) {
-    for (const RunIndex r : runs[column]) {
-      const double sd = graph_.runs[r].sensor_bias_sd[kLogRangeScale];
-      push(kRunCalibration * r + kRangeScaleRow, static_cast<Eigen::Index>(column)) =
-          1.0 / (sd * sd);
-    }
-  }
-  return SolveFor(first_calibration_, push).bottomRows(ModeRows());
-}
-
 Eigen::Matrix2d CeresPosterior::ModeDifferenceCovariance(ModeIndex a, ModeIndex b) const {
   Eigen::MatrixXd difference = Eigen::MatrixXd::Zero(ModeRows(), 2);
   difference.middleRows<2>(2 * a).setIdentity();

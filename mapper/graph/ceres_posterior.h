@@ -26,7 +26,6 @@ class CeresPosterior final : public GraphPosterior {
   Eigen::MatrixXd ModeCovarianceTimes(const Eigen::MatrixXd& weights) const override;
 
   void VisitModeCovariance(const BlockVisitor& visitor) const override;
-  Eigen::MatrixXd ModesByRangeScale(const std::vector<std::vector<RunIndex>>& runs) const override;
   Eigen::Matrix2d ModeDifferenceCovariance(ModeIndex a, ModeIndex b) const override;
   Eigen::MatrixXd DrawModes(int draws, std::mt19937_64& random) const override;
   Eigen::MatrixXd CalibrationInformationTimes(const Eigen::MatrixXd& weights) const override;

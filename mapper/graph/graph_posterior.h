@@ -51,11 +51,6 @@ class GraphPosterior {
       std::function<void(ModeIndex a, ModeIndex b, const Eigen::Matrix2d& cov_a_b)>;
   virtual void VisitModeCovariance(const BlockVisitor& visitor) const = 0;
 
-  /// How the modes follow when the ranges of some runs, whose scales are fixed, all read more by a
-  /// factor: d modes / d log range scale, two rows a mode, a column for each list of runs. [m]
-  virtual Eigen::MatrixXd ModesByRangeScale(
-      const std::vector<std::vector<RunIndex>>& runs) const = 0;
-
   /// Covariance of p_a - p_b, of two modes. [m²]
   virtual Eigen::Matrix2d ModeDifferenceCovariance(ModeIndex a, ModeIndex b) const = 0;
 

@@ -244,21 +244,6 @@ Eigen::MatrixXd SchurPosterior::ModeCovarianceTimes(const Eigen::MatrixXd& weigh
   return factor_->Solve(right).bottomRows(weights.rows());
 }
 
-// A scale that is fixed with the information w goes where it is pushed by w times its way, and all
-// others follow.
-Eigen::MatrixXd SchurPosterior::ModesByRangeScale(
-    const std::vector<std::vector<RunIndex>>& runs) const {
-  Eigen::MatrixXd right = Eigen::MatrixXd::Zero(factor_->size(), std::ssize(runs));
-  for (std::size_t column = 0; column < runs.size(); ++column) {
-    for (const RunIndex r : runs[column]) {
-      const double sd = graph_.runs[r].sensor_bias_sd[kLogRangeScale];
-      right(system_.segments().first_calibration() + kRunCalibration * r + kRangeScaleRow,
-            static_cast<Eigen::Index>(column)) = 1.0 / (sd * sd);
-    }
-  }
-  return factor_->Solve(right).bottomRows(ModeRows());
-}
-
 Eigen::Matrix2d SchurPosterior::ModeDifferenceCovariance(ModeIndex a, ModeIndex b) const {
   Eigen::Matrix<double, 4, 2> difference;
   difference << Eigen::Matrix2d::Identity(), -Eigen::Matrix2d::Identity();

@@ -45,7 +45,6 @@ class SchurPosterior final : public GraphPosterior {
 
   /// As costly as a factorization.
   void VisitModeCovariance(const BlockVisitor& visitor) const override;
-  Eigen::MatrixXd ModesByRangeScale(const std::vector<std::vector<RunIndex>>& runs) const override;
 
   /// As costly as the part of the factor that the two modes touch.
   Eigen::Matrix2d ModeDifferenceCovariance(ModeIndex a, ModeIndex b) const override;

@@ -188,6 +188,7 @@ BuildState RunByItself(const BuildState& build, RunIndex run) {
   BuildState alone;
   alone.sensor = build.sensor;
   alone.modes = build.modes;
+  alone.in_map_units = TellsScales(build);
   for (GroupModes& group : alone.modes) {
     for (BuildMode& mode : group) mode.number = kAbsent;
   }

@@ -59,6 +59,7 @@ BuildState Among(const MapperOptions& options,
   BuildState alone;
   alone.sensor = build.sensor;
   alone.modes.resize(build.modes.size());
+  alone.in_map_units = TellsScales(build);
   alone.runs.push_back(run);
   auto& assignment = alone.runs.front().assignment;
   std::map<BuildModeRef, GroupModeIndex> known;  // Modes of the build, by their index in `alone`.

@@ -16,7 +16,6 @@
 #include "mapper/modes/mode_merging.h"
 #include "mapper/modes/visit_scatter.h"
 #include "mapper/parallel.h"
-#include "mapper/rows.h"
 #include "mapper/run_maps/variance_factor.h"
 #include "mapper/state/sightings.h"
 
@@ -35,29 +34,8 @@ struct RunVariance {
   Disagreement disagreement;  // With the build, under that factor.
 };
 
-// What the scales of ranges that vehicles do not share do to the modes of the build, in standard
-// deviations, two rows a mode: runs that do not tell their scales differ by that too. [m]
-Eigen::MatrixXd ScaleRoot(const MapperOptions& options, BuildState* build) {
-  const std::vector<std::vector<RunIndex>> runs = RunsOfOwnScales(*build);
-  if (runs.empty()) return {};
-  const Graph graph = MakeGraph(options, build);
-  const std::unique_ptr<GraphPosterior> posterior = LinearizeGraph(graph);
-  if (!posterior) return {};
-  return options.sd_run_range_scale * posterior->ModesByRangeScale(runs);
-}
-
-// Information of a covariance P to which S Sᵀ is added, from that of P.
-Eigen::MatrixXd WithRoot(const Eigen::MatrixXd& information, const Eigen::MatrixXd& S) {
-  const Eigen::MatrixXd of_root = information * S;
-  const Eigen::MatrixXd inner =
-      Eigen::MatrixXd::Identity(S.cols(), S.cols()) + S.transpose() * of_root;
-  return information - of_root * inner.llt().solve(of_root.transpose());
-}
-
-// @param scale_root  ScaleRoot() of its modes.
 std::optional<RunVariance> VarianceOf(const MapperOptions& options,
                                       bool is_solved,
-                                      const Eigen::MatrixXd& scale_root,
                                       BuildState alone) {
   const IndexedVector<ModeIndex, Eigen::Vector2d> joint = ModePositions(alone);
   if (joint.size() < ShapeCovariance::kMinModes ||
@@ -71,14 +49,13 @@ std::optional<RunVariance> VarianceOf(const MapperOptions& options,
   if (!difference) return std::nullopt;
   const double factor = VarianceFactor(graph, *shape, options.seed);
   const double dof = static_cast<double>(difference->size()) - ShapeCovariance::kGauge;
-  if (scale_root.cols() == 0) {  // Most runs are as expected: that costs little to see.
-    const double squares = shape->Whiten(*difference).squaredNorm() / factor;
-    if (squares <= options.disagreement.expected_mean_square * dof)
-      return RunVariance{factor, {squares, dof}};
-  }
-  Eigen::MatrixXd information = shape->Information() / factor;
-  if (scale_root.cols() > 0) information = WithRoot(information, scale_root);
-  return RunVariance{factor, DisagreementOf(options.disagreement, information, *difference, dof)};
+  // Most runs are as expected: that costs little to see.
+  const double squares = shape->Whiten(*difference).squaredNorm() / factor;
+  if (squares <= options.disagreement.expected_mean_square * dof)
+    return RunVariance{factor, {squares, dof}};
+  return RunVariance{
+      factor,
+      DisagreementOf(options.disagreement, shape->Information() / factor, *difference, dof)};
 }
 
 // The quantile of the square of a mode's difference, of two degrees of freedom, by the mean square
@@ -216,18 +193,13 @@ bool EstimateRunVariances(const MapperOptions& options, BuildState* build) {
   of_one.threads = 1;
   of_one.solver.cost_tolerance = std::max(kCostTolerance, options.solver.cost_tolerance);
   const bool is_alone = build->runs.size() == 1 && build->priors.empty();
-  const Eigen::MatrixXd scale_root = ScaleRoot(options, build);
   const FlatModes flat(*build);
   RunVariances variances(build->runs.size());
   ForEachIndex(variances.size(), options.threads, [&](std::size_t i) {
     const RunIndex r(i);
-    const Eigen::MatrixXd of_run =
-        scale_root.cols() > 0
-            ? Eigen::MatrixXd(scale_root(RowsOf(flat.Of(build->runs[r])), Eigen::all))
-            : scale_root;
     BuildState alone = RunByItself(*build, r);
     alone.loss_reach = build->loss_reach;
-    variances[r] = VarianceOf(of_one, is_alone, of_run, std::move(alone));
+    variances[r] = VarianceOf(of_one, is_alone, std::move(alone));
   });
   build->disagreement = MapDisagreementOf(options, *build, variances);
   double in_weights = 1.0;

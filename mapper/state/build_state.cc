@@ -12,8 +12,8 @@ namespace {
 // Of what is not estimated.
 constexpr double kHeldSd = 1e-9;
 
-// @param in_map_units  As in BuildState.
-GraphRun MakeGraphRun(const MapperOptions& options, bool in_map_units, BuildRun* run) {
+// @param tells_scale  As TellsScales().
+GraphRun MakeGraphRun(const MapperOptions& options, bool tells_scale, BuildRun* run) {
   const OdometryCalibration& fleet = options.calibration.odometry;
   const bool calibrate = options.calibrate;
   UpdateMotions(*run->data, run->odometry, &run->motions);
@@ -33,7 +33,7 @@ GraphRun MakeGraphRun(const MapperOptions& options, bool in_map_units, BuildRun*
     result.sensor_bias_sd.tail<2>() << options.sd_bearing_offset_rad,
         options.sd_range_curvature_per_rad2;
   }
-  if (calibrate && in_map_units) {
+  if (calibrate && tells_scale) {
     result.sensor_bias_sd[kLogRangeScale] = std::max(kHeldSd, options.sd_run_range_scale);
   }
   return result;
@@ -96,12 +96,8 @@ std::map<std::string, std::vector<RunIndex>> RunsByVehicle(const BuildState& bui
   return runs;
 }
 
-std::vector<std::vector<RunIndex>> RunsOfOwnScales(const BuildState& build) {
-  std::vector<std::vector<RunIndex>> runs;
-  const auto by_vehicle = RunsByVehicle(build);
-  if (build.in_map_units || by_vehicle.size() < 2) return runs;
-  for (const auto& [vehicle, of_vehicle] : by_vehicle) runs.push_back(of_vehicle);
-  return runs;
+bool TellsScales(const BuildState& build) {
+  return build.in_map_units || RunsByVehicle(build).size() > 1;
 }
 
 void MoveBuild(const Se2& T_map_old, BuildState* build) {
@@ -172,7 +168,7 @@ Graph MakeGraph(const MapperOptions& options, BuildState* build) {
   graph.modes = ModePositions(*build);
   for (const RunIndex r : build->runs.indices()) {
     BuildRun& run = build->runs[r];
-    graph.runs.push_back(MakeGraphRun(options, build->in_map_units, &run));
+    graph.runs.push_back(MakeGraphRun(options, TellsScales(*build), &run));
     for (const Sighting& sighting : run.data->sightings) {
       const OptionalMode mode = run.assignment[sighting.visit];
       if (!mode) continue;

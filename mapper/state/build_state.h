@@ -102,8 +102,8 @@ struct BuildState {
   /// Of the prior map's modes, as in Graph; see FlatModes.
   std::vector<GraphPrior> priors;
 
-  /// True if a prior map says how long a metre is: runs then tell the scale of their ranges. Modes
-  /// of the map so far that merely hold a run do not.
+  /// True if a prior map, or the map that a run is taken from, says how long a metre is. Modes of
+  /// the map so far that merely hold a run do not.
   bool in_map_units = false;
 
   /// What the scale of the prior map is uncertain by beside `priors` (RemoveScale).
@@ -147,9 +147,9 @@ IndexedVector<ModeIndex, Eigen::Vector2d> ModePositions(const BuildState& build)
 /// Each vehicle's runs, by its name.
 std::map<std::string, std::vector<RunIndex>> RunsByVehicle(const BuildState& build);
 
-/// The same without the names, where runs do not tell their scales and more than one vehicle has
-/// its own; else none.
-std::vector<std::vector<RunIndex>> RunsOfOwnScales(const BuildState& build);
+/// Whether runs tell the scales of their ranges: by a prior map, or against those of another
+/// vehicle.
+bool TellsScales(const BuildState& build);
 
 /// Modes from `first` on change by `shift`.
 void ShiftPriors(ModeIndex first, int shift, std::vector<GraphPrior>* priors);

@@ -185,16 +185,32 @@ TEST(CalibrateVehicles, MoreRunsTellMore) {
   EXPECT_LT(width(many.detection_probability), width(few.detection_probability));
 }
 
-// Without a map nothing tells how long a metre is, and what was known beforehand remains.
-TEST(CalibrateVehicles, ScaleOfRangesIsToldByAMap) {
-  const std::vector<MapperInput> inputs = testing::Inputs(testing::Simulate(TestSite(3, 6)));
+// Alone a vehicle does not tell how long a metre is, and what was known beforehand remains. With
+// another one it tells by how much their ranges differ, and half of the variance remains.
+TEST(CalibrateVehicles, ScaleOfRangesIsToldByAMapAndByOtherVehicles) {
+  std::vector<MapperInput> inputs = testing::Inputs(testing::Simulate(TestSite(3, 6)));
+  constexpr double kLonger[] = {0.01, -0.01};  // Than a metre.
+  for (std::size_t i = 0; i < inputs.size(); ++i) {
+    for (Scan& scan : inputs[i].run.scans) {
+      for (Observation& observation : scan.observations) {
+        observation.z.x() *= std::exp(kLonger[i % 2]);
+      }
+    }
+  }
   MapperOptions options;
-  const MapperResult first = Build({inputs[0], inputs[1]}, options);
   constexpr double kQuantile = 1.959964;  // Of 97.5 %.
-  for (const VehicleEstimate& vehicle : first.vehicles) {
-    EXPECT_NEAR(vehicle.range_scale.value, 1.0, 1e-9);
-    EXPECT_NEAR(std::log(vehicle.range_scale.low), -kQuantile * options.sd_run_range_scale, 1e-6);
-    EXPECT_NEAR(std::log(vehicle.range_scale.high), kQuantile * options.sd_run_range_scale, 1e-6);
+  const Interval& alone = Build({inputs[0]}, options).vehicles.front().range_scale;
+  EXPECT_NEAR(alone.value, 1.0, 1e-9);
+  EXPECT_NEAR(std::log(alone.low), -kQuantile * options.sd_run_range_scale, 1e-6);
+  EXPECT_NEAR(std::log(alone.high), kQuantile * options.sd_run_range_scale, 1e-6);
+
+  const MapperResult first = Build({inputs[0], inputs[1]}, options);
+  ASSERT_EQ(first.vehicles.size(), 2u);
+  const double width = 2.0 * kQuantile * options.sd_run_range_scale / std::sqrt(2.0);
+  for (std::size_t v = 0; v < 2; ++v) {
+    const Interval& scale = first.vehicles[v].range_scale;
+    EXPECT_NEAR(std::log(scale.value), kLonger[v], 0.002) << v;
+    EXPECT_NEAR(std::log(scale.high / scale.low), width, 0.1 * width) << v;
   }
   const StatusOr<MapperResult> second = BuildMap({inputs[2]}, first.content, options);
   ASSERT_THAT(second, testing::IsOk());

@@ -67,26 +67,6 @@ TEST(ModeCovariance, TilesHoldEveryModeOnceAndNeighboursTogether) {
   EXPECT_EQ(seen.size(), 40u);
 }
 
-// What all ranges have too much makes the whole map larger, about its centroid, odometry's scale
-// with it: with one vehicle its own scale is as good as the common one, in small maps, in large
-// ones, and where calibrations are beside the factor.
-TEST(ModeCovariance, TheScaleOfTheOnlyVehicleIsThatOfTheMap) {
-  for (const auto& [modes, runs] : {std::pair{80, 1}, {kMaxJointModes + 60, 1}, {400, 24}}) {
-    Graph graph = Corridor(modes, runs);
-    std::vector<RunIndex> all;
-    for (const RunIndex r : graph.runs.indices()) {
-      graph.runs[r].sensor_bias_sd[kLogRangeScale] = 1e-9;
-      all.push_back(r);
-    }
-    constexpr double kScale = 0.02;
-    const auto posterior = LinearizeForMap(graph);
-    const Eigen::MatrixXd common = MapCovariance(graph, *posterior, {kScale}, {}).Dense();
-    const Eigen::MatrixXd own = MapCovariance(graph, *posterior, {0.0, kScale, {all}}, {}).Dense();
-    const Eigen::MatrixXd neither = MapCovariance(graph, *posterior, {}, {}).Dense();
-    EXPECT_LT((own - common).norm(), 0.01 * (common - neither).norm()) << modes;
-  }
-}
-
 TEST(ModeCovariance, BlocksOfALargeMapAreThoseOfTheDenseCovariance) {
   const Graph graph = Corridor(kMaxJointModes + 60);
   constexpr double kScale = 0.02;

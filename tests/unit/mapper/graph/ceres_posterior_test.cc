@@ -68,7 +68,6 @@ TEST(CeresPosterior, SaysWhatTheEliminationSays) {
     const Eigen::MatrixXd of_runs = Eigen::MatrixXd::Identity(calibrations, 4);
     ExpectSame(schur->CalibrationInformationTimes(of_runs),
                ceres->CalibrationInformationTimes(of_runs));
-    ExpectSame(schur->ModesByRangeScale({{0}}), ceres->ModesByRangeScale({{0}}));
   }
 }
 

@@ -237,29 +237,6 @@ TEST_F(Posterior, AVarianceFactorIsThatOfMotionsAndObservations) {
               testing::IsNearMatrix(expected, 1e-3 * expected.cwiseAbs().maxCoeff()));
 }
 
-TEST_F(Posterior, ModesFollowAScaleThatIsFixedAsInTheDenseProblem) {
-  Graph graph = RandomGraph({}, random_);
-  GraphRun& run = graph.runs.front();
-  run.sensor_bias_sd[kLogRangeScale] = 1e-9;
-  ASSERT_TRUE(SolveGraph({100}, &graph).converged);
-  const std::unique_ptr<GraphPosterior> posterior = LinearizeGraph(graph);
-  ASSERT_TRUE(posterior);
-  const Eigen::MatrixXd followed = posterior->ModesByRangeScale({{0}});
-
-  const DenseGraph dense(graph);
-  Eigen::MatrixXd J = dense.Jacobian();
-  const auto scale = static_cast<Eigen::Index>(3 * (run.poses.size() - 1) + 3 + kLogRangeScale);
-  const Eigen::VectorXd J_scale = J.col(scale);
-  J.col(scale) = J.col(J.cols() - 1);
-  J.conservativeResize(Eigen::NoChange, J.cols() - 1);
-  Eigen::VectorXd wanted = -J.householderQr().solve(J_scale);
-  const double last = wanted[scale];
-  wanted.conservativeResize(wanted.size() + 1);
-  wanted[wanted.size() - 1] = last;
-  const Eigen::Index rows = 2 * graph.modes.end_index();
-  EXPECT_THAT(followed, testing::IsNearMatrix(wanted.tail(rows), 1e-4 * wanted.norm()));
-}
-
 ResidualStatistics StatisticsOf(const Graph& graph, int samples, std::uint64_t seed) {
   ResidualStatistics sum;
   const auto of_runs = ComputeRunStatistics(graph, samples, seed).value();
