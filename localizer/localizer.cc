@@ -192,6 +192,7 @@ void Localizer::ProcessScan(const Scan& scan) {
   ++statistics_.scans;
   TakeUsableObservations(scan);
   step_.motion = odometry_.Take(scan.stamp);
+  odometry_trust_.Move(step_.motion.increment.T_begin_end);
   step_.lidar.Move(step_.motion.increment.T_begin_end,
                    step_.motion.elapsed_s,
                    scan.stamp,
@@ -212,7 +213,7 @@ void Localizer::ProcessScan(const Scan& scan) {
   }
   if (searching) {
     // Nothing tells how scans before a silence of odometry lie to those after it.
-    if (step_.motion.silent_s > 0.0) window_.clear();
+    if (step_.motion.silent_s > 0.0 || !odometry_trust_.trusted()) window_.clear();
     window_.push_back(step_);
   } else {
     // Just lost: what failed tells where the vehicle is.
@@ -329,7 +330,6 @@ void Localizer::Step(const WindowScan& step) {
 
 // By the present scan.
 void Localizer::JudgeOdometry(const BankEvents& events) {
-  odometry_trust_.Move(step_.motion.increment.T_begin_end);
   if (!health_.lost() && Determines(events.outcomes)) {
     odometry_.PoseDetermined();
     odometry_trust_.Compare(bank_->best().filter.Pose());
@@ -519,6 +519,7 @@ void Localizer::ForgetOutcomes() {
   changes_.Reset();
   missed_.Reset();
   quality_.Reset();
+  odometry_trust_.Restart();
   given_ = false;
 }
 
@@ -533,6 +534,7 @@ void Localizer::StartAt(const PoseWithCovariance& pose, std::size_t first) {
   }
   confirmed_ = stamp;
   in_gap_ = false;
+  vague_ = false;
   rival_.reset();
   ++statistics_.starts;
   ForgetOutcomes();

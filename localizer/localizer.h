@@ -116,6 +116,10 @@ class Localizer {
 
   LocalizerState state() const { return state_; }
 
+  /// False after landmarks have shown that odometry is wrong, until they have shown that it is
+  /// right.
+  bool odometry_trusted() const { return odometry_trust_.trusted(); }
+
   /// How many landmarks agree with the pose, by the last sighting of each, from `since` on.
   PoseSupport Support(Stamp since = Stamp::min()) const { return health_.Support(since, -1); }
 

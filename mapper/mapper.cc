@@ -356,12 +356,23 @@ StatusOr<BuildState> PlaceRuns(const std::vector<MappingRun>& runs,
   return build;
 }
 
-// Of what no run tells. A prior map that knows its scale better than sensors do lost nothing of it
-// (RemoveScale). Of one vehicle also its own is not told.
+// Of what no run tells of the scale. A prior map that knows its scale better than sensors do lost
+// nothing of it (RemoveScale). Without one the map has the mean of the scales of R runs, R_v of
+// each vehicle, which share one. Alone it is not told; told apart, the variance of a scale over R
+// is in the graph, as if each run had its own.
 double ScaleSd(const MapperOptions& options, const BuildState& build) {
   if (build.in_map_units && build.sd_scale == 0.0) return 0.0;
-  const double sd_own = TellsScales(build) ? 0.0 : options.sd_run_range_scale;
-  return std::hypot(std::max(options.sd_range_scale, build.sd_scale), sd_own);
+  double of_mean = 0.0;
+  if (!build.in_map_units) {
+    const auto runs = static_cast<double>(build.runs.size());
+    for (const auto& [vehicle, of_vehicle] : RunsByVehicle(build)) {
+      const double share = static_cast<double>(of_vehicle.size()) / runs;
+      of_mean += share * share;
+    }
+    if (options.calibrate && TellsScales(build)) of_mean -= 1.0 / runs;
+  }
+  return std::hypot(std::max(options.sd_range_scale, build.sd_scale),
+                    options.sd_run_range_scale * std::sqrt(std::max(0.0, of_mean)));
 }
 
 // What is known about the solution of a build.

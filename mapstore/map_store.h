@@ -262,8 +262,8 @@ class MapStore {
   StatusOr<EditResult> Edit(const std::string& area, MapEdit edit, bool dry_run = false);
 
   /// Takes an edit back: publishes the version that comes of the others. A build stays, and so do
-  /// all rows. Where the published version was built on a position, control point or rate that is
-  /// taken back, it stays published and rests on it (EditsOf) until the next build.
+  /// all rows. Where the published version was built on a position, split, control point or rate
+  /// that is taken back, it stays published and rests on it (EditsOf) until the next build.
   /// Errors also: kNotFound if there is none of that id; kAlreadyExists if it was taken back;
   /// kInvalidArgument if author or reason are empty; kFailedPrecondition if another edit needs it.
   StatusOr<EditResult> UndoEdit(const std::string& area,

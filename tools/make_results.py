@@ -117,7 +117,7 @@ def make(name, bins, data):
                 for place, word in ((str(out), "OUT"), (str(work), "WORK"), (data, "DATA")):
                     text = text.replace(place, word) if place else text
                 (folder / path.name).write_text(without_host(text), encoding="utf-8")
-        source = {"command": command, "commit": git("rev-parse", "--short", "HEAD"), "processors": os.cpu_count(), "load": round(load, 1)}
+        source = {"command": command, "commit": git("rev-parse", "--short=7", "HEAD"), "processors": os.cpu_count(), "load": round(load, 1)}
         (folder / "source.json").write_text(json.dumps(source, indent=2) + "\n", encoding="utf-8")
         print(f"{name}: {', '.join(path.name for path in sorted(folder.iterdir()))}")
         return True

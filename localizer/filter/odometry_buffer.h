@@ -13,8 +13,9 @@ namespace shiftmap {
 /// The velocity that holds at time t is that of the newest sample at or before t - lag. A sample
 /// holds for a second at most: in a longer gap the vehicle counts as anywhere that it could have
 /// got to. It is thought to stand, with a standard deviation of its speed, the same until landmarks
-/// determine the pose, as large as the fastest that odometry has told of, and a random walk of its
-/// heading. The same noise is added to odometry that is not trusted, with the speed that it says.
+/// determine the pose, and a random walk of its heading. That speed is the fastest that odometry
+/// has said, 1 m/s at least, and 2 m/s if it has said nothing. Odometry that is not trusted has the
+/// same noise, with the speed that it says, 1 m/s at least: the fastest may be as wrong.
 ///
 /// Memory: room for 256 samples, made at once; for more if the lag asks for it or before a Take().
 class OdometryBuffer {

@@ -31,6 +31,9 @@ class PosePredictor {
   /// The localizer's pose after a scan.
   void Correct(const PoseEstimate& estimate);
 
+  /// Whether odometry is trusted from now on; at first it is.
+  void Trust(bool trusted) { motion_.Trust(trusted); }
+
   /// The pose at `now`, not before the last sample; nothing before the first Correct().
   std::optional<PoseEstimate> At(Stamp now);
 

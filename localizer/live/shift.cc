@@ -81,6 +81,7 @@ void Shift::UpdatePose() {
   const auto estimate = localizer_.Estimate();
   if (estimate && scans != corrected_scans_) predictor_.Correct(*estimate);
   corrected_scans_ = scans;
+  predictor_.Trust(localizer_.odometry_trusted());
   pose_ = predictor_.At(now_);
   if (pose_ && !IsFinite(pose_->pose)) pose_.reset();
 }
@@ -113,7 +114,8 @@ void Shift::ReportEvents(std::vector<Event>* events) {
 }
 
 bool Shift::Stands() const {
-  return standing_since_ && ToSeconds(last_sample_->stamp - *standing_since_) >= kStandingS &&
+  return localizer_.odometry_trusted() && standing_since_ &&
+         ToSeconds(last_sample_->stamp - *standing_since_) >= kStandingS &&
          ToSeconds(now_ - last_sample_->stamp) < kMaxSampleGapS;
 }
 

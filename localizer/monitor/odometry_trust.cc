@@ -7,10 +7,6 @@
 namespace shiftmap {
 namespace {
 
-// The motion by which odometry shows that it is right.
-constexpr double kShownM = 1.0;
-constexpr double kShownRad = 0.5;
-
 // How well landmarks must determine the pose.
 constexpr double kMaxSdM = 0.3;
 constexpr double kMaxSdRad = 0.1;
@@ -20,6 +16,11 @@ constexpr double kMaxSdRad = 0.1;
 constexpr double kDifferM = 0.1;
 constexpr double kDifferRad = 0.05;
 constexpr double kShareDiffers = 0.1;
+
+// The motion by which odometry shows that it is right. It must not differ by most of it.
+constexpr double kShownM = 1.0;
+constexpr double kShownRad = 0.5;
+constexpr double kMostShare = 0.8;
 
 }  // namespace
 
@@ -41,26 +42,27 @@ void OdometryTrust::Compare(const PoseWithCovariance& pose) {
                        LargestSd(pose.cov_T_map_vehicle.topLeftCorner<2, 2>()),
                        std::sqrt(pose.cov_T_map_vehicle(2, 2))};
   if (now.sd_m > kMaxSdM || now.sd_rad > kMaxSdRad) return;
-  if (!begin_ || !Agrees(now)) return BeginAt(now);
+  if (!begin_) return BeginAt(now);
+  const double may_differ_m = kDifferM + 2.0 * std::hypot(begin_->sd_m, now.sd_m) +
+                              (kShareDiffers + kDifferRad + 2.0 * begin_->sd_rad) * way_m_;
+  const double may_differ_rad =
+      kDifferRad + 2.0 * std::hypot(begin_->sd_rad, now.sd_rad) + kShareDiffers * turn_rad_;
   const Se2 moved = begin_->T_map_vehicle.Inverse() * now.T_map_vehicle;
-  farthest_m_ = std::max(farthest_m_, moved.translation().norm());
-  most_turned_rad_ = std::max(most_turned_rad_, std::abs(moved.yaw()));
-  trusted_ = farthest_m_ >= kShownM && most_turned_rad_ >= kShownRad;
+  const Se2 difference = T_begin_vehicle_.Inverse() * moved;
+  if (difference.translation().norm() > std::min(may_differ_m, kMostShare * kShownM) ||
+      std::abs(difference.yaw()) > std::min(may_differ_rad, kMostShare * kShownRad)) {
+    return BeginAt(now);
+  }
+  has_shown_way_ |= moved.translation().norm() >= kShownM;
+  has_shown_turn_ |= std::abs(moved.yaw()) >= kShownRad;
+  trusted_ = has_shown_way_ && has_shown_turn_;
 }
 
 void OdometryTrust::BeginAt(const Determined& pose) {
   begin_ = pose;
   T_begin_vehicle_ = Se2();
-  way_m_ = turn_rad_ = farthest_m_ = most_turned_rad_ = 0.0;
-}
-
-bool OdometryTrust::Agrees(const Determined& pose) const {
-  const Se2 difference = (begin_->T_map_vehicle * T_begin_vehicle_).Inverse() * pose.T_map_vehicle;
-  const double by_heading_m = way_m_ * (kDifferRad + 2.0 * begin_->sd_rad);
-  return difference.translation().norm() <= kDifferM + 2.0 * std::hypot(begin_->sd_m, pose.sd_m) +
-                                                kShareDiffers * way_m_ + by_heading_m &&
-         std::abs(difference.yaw()) <=
-             kDifferRad + 2.0 * std::hypot(begin_->sd_rad, pose.sd_rad) + kShareDiffers * turn_rad_;
+  way_m_ = turn_rad_ = 0.0;
+  has_shown_way_ = has_shown_turn_ = false;
 }
 
 }  // namespace shiftmap

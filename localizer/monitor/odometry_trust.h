@@ -18,6 +18,9 @@ class OdometryTrust {
   /// Odometry is wrong.
   void Distrust();
 
+  /// The pose is another one.
+  void Restart() { begin_.reset(); }
+
   /// @param T_begin_end  By odometry, since the last call.
   void Move(const Se2& T_begin_end);
 
@@ -32,15 +35,14 @@ class OdometryTrust {
   };
 
   void BeginAt(const Determined& pose);
-  bool Agrees(const Determined& pose) const;
 
   bool trusted_ = true;
   std::optional<Determined> begin_;  // Since when both agree; nothing: they do not yet.
   Se2 T_begin_vehicle_;              // By odometry.
-  double way_m_ = 0.0;               // By odometry, there and back.
+  double way_m_ = 0.0;               // That odometry has counted.
   double turn_rad_ = 0.0;
-  double farthest_m_ = 0.0;  // By landmarks, from the begin.
-  double most_turned_rad_ = 0.0;
+  bool has_shown_way_ = false;
+  bool has_shown_turn_ = false;
 };
 
 }  // namespace shiftmap

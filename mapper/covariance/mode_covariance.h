@@ -74,12 +74,12 @@ std::unique_ptr<GraphPosterior> LinearizeForMap(const Graph& graph);
 /// Covariance of a graph's modes as a map has it, in the order of Graph::modes. [m²]
 ///
 /// It is referred to the positions as a whole (ReferToPositions), and has what no run tells of the
-/// scale: that of all sensors (AddScaleUncertainty).
+/// scale (AddScaleUncertainty).
 ///
 /// Beyond kMaxJointModes modes it is that of modes in one tile of neighbours; between tiles it is
 /// zero, and positive definite all the same, as any block-diagonal part of a covariance is.
 /// @param posterior     LinearizeForMap() of the graph.
-/// @param sd_scale      Of what all sensors get wrong together. [-]
+/// @param sd_scale      Of what no run tells of the scale. [-]
 /// @param disagreement  With its factor F and prior information Λ the covariance of the graph's
 ///                      minimum is F P - (F - 1) P Λ P; not beyond kMaxJointModes. That of single
 ///                      modes is added.

@@ -97,7 +97,10 @@ std::map<std::string, std::vector<RunIndex>> RunsByVehicle(const BuildState& bui
 }
 
 bool TellsScales(const BuildState& build) {
-  return build.in_map_units || RunsByVehicle(build).size() > 1;
+  return build.in_map_units ||
+         std::any_of(build.runs.begin(), build.runs.end(), [&](const BuildRun& run) {
+           return run.data->info.vehicle != build.runs.front().data->info.vehicle;
+         });
 }
 
 void MoveBuild(const Se2& T_map_old, BuildState* build) {
@@ -166,9 +169,10 @@ Graph MakeGraph(const MapperOptions& options, BuildState* build) {
   Graph graph;
   const FlatModes flat(*build);
   graph.modes = ModePositions(*build);
+  const bool tells_scale = TellsScales(*build);
   for (const RunIndex r : build->runs.indices()) {
     BuildRun& run = build->runs[r];
-    graph.runs.push_back(MakeGraphRun(options, TellsScales(*build), &run));
+    graph.runs.push_back(MakeGraphRun(options, tells_scale, &run));
     for (const Sighting& sighting : run.data->sightings) {
       const OptionalMode mode = run.assignment[sighting.visit];
       if (!mode) continue;

@@ -102,8 +102,8 @@ struct BuildState {
   /// Of the prior map's modes, as in Graph; see FlatModes.
   std::vector<GraphPrior> priors;
 
-  /// True if a prior map, or the map that a run is taken from, says how long a metre is. Modes of
-  /// the map so far that merely hold a run do not.
+  /// True if a prior map says how long a metre is, or a run is taken from a build that tells its
+  /// scale. Modes of the map so far that merely hold a run do not.
   bool in_map_units = false;
 
   /// What the scale of the prior map is uncertain by beside `priors` (RemoveScale).

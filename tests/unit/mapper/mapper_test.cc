@@ -10,7 +10,10 @@
 #include <limits>
 #include <map>
 #include <string>
+#include <utility>
+#include <vector>
 
+#include "mapper/covariance/map_prior.h"
 #include "proto/core/check.h"
 #include "tests/support/geometry_matchers.h"
 #include "tests/support/status_matchers.h"
@@ -524,6 +527,33 @@ TEST(BuildMap, CovarianceOfPositionsIsConsistent) {
   RecordProperty("nees_per_landmark", std::to_string(maps.PerLandmark()));
   EXPECT_GT(maps.modes, 380);
   testing::ExpectRightVariances(maps);
+}
+
+// Runs of one vehicle have one scale of ranges, and the map has the mean of those of its runs.
+TEST(BuildMap, TheScaleOfAMapIsThatOfItsVehicles) {
+  MapperOptions mapper;
+  mapper.sd_range_scale = 0.0;
+  mapper.sd_run_range_scale = 0.01;
+  OpenWorldOptions options = SmallWorld(7);
+  options.runs = 3;
+  const std::vector<MapperInput> inputs = testing::Inputs(Simulate(options));
+  for (const auto& [vehicles, variance] : {std::pair<std::vector<std::string>, double>{{"A"}, 1.0},
+                                           {{"A", "A", "A"}, 1.0},
+                                           {{"A", "B"}, 1.0 / 2.0},
+                                           {{"A", "B", "A"}, 5.0 / 9.0},
+                                           {{"A", "B", "C"}, 1.0 / 3.0}}) {
+    std::vector<MapperInput> runs(inputs.begin(),
+                                  inputs.begin() + static_cast<std::ptrdiff_t>(vehicles.size()));
+    for (std::size_t i = 0; i < runs.size(); ++i) runs[i].run.info.vehicle = vehicles[i];
+    for (const bool calibrate : {true, false}) {
+      mapper.calibrate = calibrate;
+      StatusOr<MapperResult> built = BuildMap(runs, std::nullopt, mapper);
+      ASSERT_THAT(built, IsOk());
+      const double expected = mapper.sd_run_range_scale * std::sqrt(variance);
+      EXPECT_NEAR(RemoveScale(0.0, &built->content), expected, 0.03 * expected)
+          << vehicles.size() << " runs, " << variance << ", " << calibrate;
+    }
+  }
 }
 
 // A survey knows how long a metre is better than sensors do: runs on it make it no less certain.
