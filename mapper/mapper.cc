@@ -356,10 +356,11 @@ StatusOr<BuildState> PlaceRuns(const std::vector<MappingRun>& runs,
   return build;
 }
 
-// Of what no run tells of the scale. A prior map that knows its scale better than sensors do lost
-// nothing of it (RemoveScale). Without one the map has the mean of the scales of R runs, R_v of
-// each vehicle, which share one. Alone it is not told; told apart, the variance of a scale over R
-// is in the graph, as if each run had its own.
+// Standard deviation of the scale that no run estimates. RemoveScale() took nothing out of a prior
+// map that knows its scale better than sensors do. Without a prior map the scale is the mean over
+// all runs, and the runs of a vehicle share one: its variance is that of a vehicle's scale times
+// the sum of the squared shares of the vehicles. If the graph estimates the scales, it has the
+// variance over the number of runs already, as it takes those of runs to be independent.
 double ScaleSd(const MapperOptions& options, const BuildState& build) {
   if (build.in_map_units && build.sd_scale == 0.0) return 0.0;
   double of_mean = 0.0;

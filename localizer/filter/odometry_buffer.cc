@@ -17,8 +17,8 @@ constexpr double kUnknownMotion = 0.5;
 // Kept before the first scan.
 constexpr std::size_t kSamplesBeforeStart = 8192;
 
-// Appends what is not known of a motion that nothing measures. A speed that nobody knows is still
-// one speed: the way goes with the time, not with its root.
+// Adds the noise of a motion that nothing measures. The unknown speed is constant: the way grows
+// with the time, not with its root.
 void AppendUnknown(double elapsed_s, double speed_mps, OdometryBuffer::Motion* motion) {
   const double unknown_s = std::exchange(motion->unknown_s, motion->unknown_s + elapsed_s);
   const double way_variance = speed_mps * speed_mps * elapsed_s * (2.0 * unknown_s + elapsed_s);
@@ -30,9 +30,8 @@ void AppendUnknown(double elapsed_s, double speed_mps, OdometryBuffer::Motion* m
 
 void OdometryBuffer::Add(const OdometrySample& sample) {
   samples_.push_back(sample);
-  if (!has_spoken_) fastest_mps_ = kLeastTopSpeed;
-  has_spoken_ = true;
-  fastest_mps_ = std::max(fastest_mps_, std::abs(calibration_.scale_v * sample.v_mps));
+  fastest_mps_ = std::max(fastest_mps_.value_or(kLeastTopSpeed),
+                          std::abs(calibration_.scale_v * sample.v_mps));
   if (samples_.full() && started_) AdvanceTo(sample.stamp);
   if (!samples_.full()) return;
   const bool needed = samples_[1].stamp + FromSeconds(calibration_.lag_s) > sample.stamp;
@@ -63,8 +62,7 @@ void OdometryBuffer::Restart() {
   samples_.clear();
   started_ = false;
   pending_ = Motion();
-  fastest_mps_ = kUnknownSpeed;
-  has_spoken_ = false;
+  fastest_mps_.reset();
 }
 
 void OdometryBuffer::AdvanceTo(Stamp end) {
@@ -80,22 +78,19 @@ void OdometryBuffer::AdvanceTo(Stamp end) {
     if (held) next = std::min(next, samples_[0].stamp + lag + kHold);
     const double elapsed_s = ToSeconds(next - now_);
     if (held) {
+      const OdometrySample& sample = samples_[0];
+      AppendMotion(
+          sample.v_mps, sample.omega_radps, next - now_, calibration_, &pending_.increment);
       pending_.silent_s = 0.0;
-      AppendMotion(samples_[0].v_mps,
-                   samples_[0].omega_radps,
-                   next - now_,
-                   calibration_,
-                   &pending_.increment);
+      if (trusted_) {
+        pending_.unknown_s = 0.0;
+      } else {
+        const double said_mps = std::abs(calibration_.scale_v * sample.v_mps);
+        AppendUnknown(elapsed_s, std::max(said_mps, kLeastTopSpeed), &pending_);
+      }
     } else {
       pending_.silent_s += elapsed_s;
-    }
-    if (!held) {
-      AppendUnknown(elapsed_s, fastest_mps_, &pending_);
-    } else if (!trusted_) {
-      const double said_mps = std::abs(calibration_.scale_v * samples_[0].v_mps);
-      AppendUnknown(elapsed_s, std::max(said_mps, kLeastTopSpeed), &pending_);
-    } else {
-      pending_.unknown_s = 0.0;
+      AppendUnknown(elapsed_s, fastest_mps_.value_or(kUnknownSpeed), &pending_);
     }
     pending_.elapsed_s += elapsed_s;
     now_ = next;

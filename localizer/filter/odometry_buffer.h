@@ -3,6 +3,7 @@
 
 #include <boost/circular_buffer.hpp>
 #include <cstddef>
+#include <optional>
 
 #include "localizer/models/motion_model.h"
 
@@ -54,7 +55,8 @@ class OdometryBuffer {
  private:
   static constexpr std::size_t kSamples = 256;
 
-  // What a vehicle may drive of which nothing is known, or no more than that it was slow. [m/s]
+  // Standard deviations of the speed of a vehicle whose odometry has said nothing, and of one that
+  // was slow so far. [m/s]
   static constexpr double kUnknownSpeed = 2.0;
   static constexpr double kLeastTopSpeed = 1.0;
 
@@ -64,10 +66,9 @@ class OdometryBuffer {
   OdometryCalibration calibration_;
   boost::circular_buffer<OdometrySample> samples_{kSamples + 1};
   bool started_ = false;
-  Stamp now_;       // Up to where pending_ reaches.
-  Motion pending_;  // Its silent_s and unknown_s are those at now_.
-  double fastest_mps_ = kUnknownSpeed;
-  bool has_spoken_ = false;
+  Stamp now_;                          // Up to where pending_ reaches.
+  Motion pending_;                     // Its silent_s and unknown_s are those at now_.
+  std::optional<double> fastest_mps_;  // That odometry has said, kLeastTopSpeed at least.
   bool trusted_ = true;
 };
 

@@ -53,7 +53,7 @@ struct Systematic {
     return {mean(rows), cov(rows, rows), prior_mean(kTakenOff), prior_sd(kTakenOff)};
   }
 
-  // Logarithm. Runs that do not tell it hold it at 0.
+  // The logarithm; 0 for runs that cannot estimate it.
   // @param sd_run  Of what a run's is known to beforehand. [-]
   Estimate RangeScaleOf(Eigen::Index vehicle, bool tells_scales, double sd_run) const {
     const Eigen::Index row = kRunCalibration * vehicle + kRangeScaleRow;

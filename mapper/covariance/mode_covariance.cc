@@ -146,9 +146,8 @@ JointCovariance MapCovariance(const Graph& graph,
   if (disagreement.factor > 1.0) {
     P += (disagreement.factor - 1.0) * (P - P * PriorInformation(graph) * P);
   }
-  const Eigen::VectorXd root = sd_scale * OffsetsFromCentroid(graph.modes);
-  Eigen::MatrixXd cov = ReferToPositions(graph.modes, std::move(P));
-  cov += root * root.transpose();
+  Eigen::MatrixXd cov =
+      AddScaleUncertainty(graph.modes, sd_scale, ReferToPositions(graph.modes, std::move(P)));
   for (const auto& [mode, of_mode] : disagreement.of_modes) {
     cov.block<2, 2>(2 * mode, 2 * mode) += of_mode;
   }
