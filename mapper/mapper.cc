@@ -10,6 +10,7 @@
 
 #include "mapper/association/track_names.h"
 #include "mapper/calibration/detection.h"
+#include "mapper/calibration/distortion_calibration.h"
 #include "mapper/calibration/implausible_calibration.h"
 #include "mapper/calibration/noise_calibration.h"
 #include "mapper/calibration/vehicle_update.h"
@@ -310,6 +311,7 @@ StatusOr<int> RefineTogether(const MapperOptions& options, Watch* watch, BuildSt
     SolveContinuous(options, build);
   }
   if (EstimateRunVariances(options, build)) SolveContinuous(options, build, &solver);
+  CalibrateDistortions(options, build, &solver);
   return iterations;
 }
 
@@ -388,8 +390,11 @@ void Linearize(const MapperOptions& options, BuildState* build, SolvedGraph* sol
   solved->graph = MakeGraph(options, build);
   solved->posterior = LinearizeForMap(solved->graph);
   if (!solved->posterior) return;
-  solved->covariance = MapCovariance(
-      solved->graph, *solved->posterior, ScaleSd(options, *build), build->disagreement);
+  solved->covariance = MapCovariance(solved->graph,
+                                     *solved->posterior,
+                                     ScaleSd(options, *build),
+                                     build->distortion_root,
+                                     build->disagreement);
   if (!IsDetermined(solved->covariance)) solved->posterior = nullptr;
 }
 
@@ -400,7 +405,8 @@ Status LinearizeWhatIsDetermined(const MapperOptions& options,
   Linearize(options, build, solved);
   if (!solved->posterior && RemoveUndeterminedRuns(options, build) > 0) {
     SHIFTMAP_RETURN_IF_ERROR(RemoveUntiedRuns(build));
-    build->disagreement = {};  // It is of other runs and modes.
+    build->disagreement = {};  // These are of other runs and modes.
+    build->distortion_root = {};
     SolveContinuous(options, build);
     if (build->priors.empty()) AnchorFrame(build);
     Linearize(options, build, solved);

@@ -136,6 +136,7 @@ Status MapperOptions::Validate() const {
       {"sd_run_range_scale", sd_run_range_scale, Range::kNotNegative},
       {"sd_bearing_offset_rad", sd_bearing_offset_rad, Range::kPositive},
       {"sd_range_curvature_per_rad2", sd_range_curvature_per_rad2, Range::kPositive},
+      {"distortion_share", distortion_share, Range::kNotNegative},
       {"loss_reach_sds", loss_reach_sds, Range::kPositive},
       {"max_outer_iterations", max_outer_iterations, Range::kOneOrMore},
       {"max_iterations", solver.max_iterations, Range::kOneOrMore},

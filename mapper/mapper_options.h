@@ -224,6 +224,10 @@ struct MapperOptions {
   double sd_bearing_offset_rad = 0.05;
   double sd_range_curvature_per_rad2 = 0.5;
 
+  /// What a vehicle's sensor gets wrong over its field of view beyond that: standard deviation of
+  /// these errors over that of its noise (SensorDistortion); 0: none. [-]
+  double distortion_share = 0.5;
+
   /// Once runs are placed, what is so many standard deviations from its mode is an outlier.
   double loss_reach_sds = 50.0;
 

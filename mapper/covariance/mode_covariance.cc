@@ -59,6 +59,7 @@ bool IsTiled(const Graph& graph) { return std::ssize(graph.modes) > kMaxJointMod
 JointCovariance TiledCovariance(const Graph& graph,
                                 const GraphPosterior& posterior,
                                 double sd_scale,
+                                const Eigen::MatrixXd& distortion,
                                 const MapDisagreement& disagreement) {
   const std::vector<Modes> tiles = TileModes(graph.modes, kTileModes);
   IndexedVector<ModeIndex, std::size_t> tile_of(graph.modes.size());
@@ -66,13 +67,17 @@ JointCovariance TiledCovariance(const Graph& graph,
     for (const ModeIndex mode : tiles[t]) tile_of[mode] = t;
   }
   const STransformation change = MakeSTransformation(graph, posterior);
-  const Eigen::VectorXd root = sd_scale * OffsetsFromCentroid(graph.modes);
+  Eigen::MatrixXd root(2 * graph.modes.end_index(), 1 + distortion.cols());
+  root.col(0) = sd_scale * OffsetsFromCentroid(graph.modes);
+  if (distortion.cols() > 0) {
+    root.rightCols(distortion.cols()) = distortion - change.G * (change.G.transpose() * distortion);
+  }
   IndexedVector<ModeIndex, Eigen::Matrix2d> diagonal(graph.modes.size());
   std::vector<JointCovariance::CrossBlock> cross;
   const auto add_block = [&](ModeIndex a, ModeIndex b, const Eigen::Matrix2d& cov_a_b) {
     if (tile_of[a] != tile_of[b]) return;
     Eigen::Matrix2d block = ReferBlock(change, a, b, cov_a_b);
-    block.noalias() += root.segment<2>(2 * a) * root.segment<2>(2 * b).transpose();
+    block.noalias() += root.middleRows<2>(2 * a) * root.middleRows<2>(2 * b).transpose();
     if (a == b) {
       diagonal[a] = block;
     } else if (a < b) {
@@ -140,12 +145,14 @@ std::unique_ptr<GraphPosterior> LinearizeForMap(const Graph& graph) {
 JointCovariance MapCovariance(const Graph& graph,
                               const GraphPosterior& posterior,
                               double sd_scale,
+                              const Eigen::MatrixXd& distortion,
                               const MapDisagreement& disagreement) {
-  if (IsTiled(graph)) return TiledCovariance(graph, posterior, sd_scale, disagreement);
+  if (IsTiled(graph)) return TiledCovariance(graph, posterior, sd_scale, distortion, disagreement);
   Eigen::MatrixXd P = posterior.ModeCovariance();
   if (disagreement.factor > 1.0) {
     P += (disagreement.factor - 1.0) * (P - P * PriorInformation(graph) * P);
   }
+  if (distortion.cols() > 0) P.noalias() += distortion * distortion.transpose();
   Eigen::MatrixXd cov =
       AddScaleUncertainty(graph.modes, sd_scale, ReferToPositions(graph.modes, std::move(P)));
   for (const auto& [mode, of_mode] : disagreement.of_modes) {

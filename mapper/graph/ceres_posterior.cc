@@ -137,6 +137,19 @@ std::vector<GraphResiduals> CeresPosterior::DrawFitResiduals(int count,
   return draws;
 }
 
+GraphPosterior::Fit CeresPosterior::FitTo(std::vector<GraphResiduals> errors) const {
+  Fit fit;
+  fit.mode_steps.resize(ModeRows(), std::ssize(errors));
+  Eigen::Index column = 0;
+  for (const GraphResiduals& error : errors) {
+    const Eigen::VectorXd rows = RowsOf(error, J_.rows());
+    const Eigen::VectorXd step = factor_.solve(J_.transpose() * rows);
+    fit.mode_steps.col(column++) = step.tail(ModeRows());
+    fit.left.push_back(ResidualsOf(graph_, rows - J_ * step));
+  }
+  return fit;
+}
+
 Eigen::MatrixXd CeresPosterior::ModeStepsByBlock(const GraphResiduals& residuals,
                                                  const FrameBlocks& block_of_frame,
                                                  int blocks) const {

@@ -32,6 +32,13 @@ class GraphPosterior {
   virtual std::vector<GraphResiduals> DrawFitResiduals(int count,
                                                        std::mt19937_64& random) const = 0;
 
+  /// What the fit makes of errors on the standardized residuals.
+  struct Fit {
+    Eigen::MatrixXd mode_steps;        ///< H⁻¹ Jᵀ e, two rows a mode, a column each. [m]
+    std::vector<GraphResiduals> left;  ///< e - J H⁻¹ Jᵀ e.
+  };
+  virtual Fit FitTo(std::vector<GraphResiduals> errors) const = 0;
+
   /// The steps of the modes, H⁻¹ J_bᵀ e_b, that the residuals of each block by themselves lead to;
   /// two rows a mode, a column a block. [m]
   virtual Eigen::MatrixXd ModeStepsByBlock(const GraphResiduals& residuals,

@@ -93,39 +93,48 @@ Eigen::MatrixXd SchurPosterior::SolveNoise(const AddNoise& add_noise,
 std::vector<ResidualSample> SchurPosterior::SampleResiduals(int count,
                                                             std::mt19937_64& random) const {
   RandomSigns signs(&random);
-  std::vector<ResidualSample> samples(static_cast<std::size_t>(count));
-  for (ResidualSample& sample : samples) {
+  std::vector<GraphResiduals> noise(static_cast<std::size_t>(count));
+  for (GraphResiduals& of_sample : noise) {
     for (const GraphRun& run : graph_.runs) {
-      signs.Fill(std::ssize(run.motions), &sample.noise.motions.emplace_back());
+      signs.Fill(std::ssize(run.motions), &of_sample.motions.emplace_back());
     }
-    signs.Fill(std::ssize(graph_.observations), &sample.noise.observations);
+    signs.Fill(std::ssize(graph_.observations), &of_sample.observations);
   }
+  return StepsOf(std::move(noise), PriorNoise(count, random));
+}
+
+std::vector<ResidualSample> SchurPosterior::StepsOf(std::vector<GraphResiduals> noise,
+                                                    Eigen::MatrixXd priors) const {
+  std::vector<ResidualSample> samples;
+  for (GraphResiduals& of_sample : noise) samples.push_back({std::move(of_sample), {}});
+  const Eigen::Index count = std::ssize(samples);
   const auto add_noise = [&](const GraphSegment& segment, Gradients* gradients) {
     system_.linearizer().Visit(
         segment,
         LossWeighting::kCurvature,
         [&](FrameIndex frame, const MotionResidual::Linear& linear) {
           for (Eigen::Index k = 0; k < count; ++k) {
-            const GraphResiduals& noise = samples[static_cast<std::size_t>(k)].noise;
-            gradients->AddMotion(k, frame, linear, noise.motions[segment.run].col(frame.value()));
+            const GraphResiduals& of_sample = samples[static_cast<std::size_t>(k)].noise;
+            gradients->AddMotion(
+                k, frame, linear, of_sample.motions[segment.run].col(frame.value()));
           }
         },
         [&](std::size_t i, double root, const ObservationResidual::Linear& linear) {
           const ObservationIndex index = segment.observations[i];
           const FrameIndex frame = graph_.observations[index].frame;
           for (Eigen::Index k = 0; k < count; ++k) {
-            const GraphResiduals& noise = samples[static_cast<std::size_t>(k)].noise;
+            const GraphResiduals& of_sample = samples[static_cast<std::size_t>(k)].noise;
             gradients->AddObservation(k,
                                       frame,
                                       segment.mode_columns[i],
                                       linear,
-                                      root * noise.observations.col(index.value()));
+                                      root * of_sample.observations.col(index.value()));
           }
         });
   };
   std::vector<PoseRows> inside;
-  const Eigen::MatrixXd reduced = SolveNoise(add_noise, PriorNoise(count, random), &inside);
-  for (int k = 0; k < count; ++k) {
+  const Eigen::MatrixXd reduced = SolveNoise(add_noise, std::move(priors), &inside);
+  for (Eigen::Index k = 0; k < count; ++k) {
     samples[static_cast<std::size_t>(k)].step =
         system_.Complete(reduced.col(k), [&](std::size_t i, const Eigen::VectorXd& boundary) {
           return system_.factor(i).BackSubstitute(inside[i].col(k), boundary);
@@ -173,6 +182,15 @@ std::vector<GraphResiduals> SchurPosterior::FitResiduals(
         });
   }
   return left;
+}
+
+GraphPosterior::Fit SchurPosterior::FitTo(std::vector<GraphResiduals> errors) const {
+  Eigen::MatrixXd no_priors = Eigen::MatrixXd::Zero(factor_->size(), std::ssize(errors));
+  const std::vector<ResidualSample> samples = StepsOf(std::move(errors), std::move(no_priors));
+  Fit fit{Eigen::MatrixXd(ModeRows(), std::ssize(samples)), FitResiduals(samples)};
+  Eigen::Index column = 0;
+  for (const ResidualSample& sample : samples) fit.mode_steps.col(column++) = sample.step.modes;
+  return fit;
 }
 
 Eigen::MatrixXd SchurPosterior::ModeStepsByBlock(const GraphResiduals& residuals,

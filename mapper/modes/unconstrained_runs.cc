@@ -147,7 +147,7 @@ int RemoveUndeterminedRuns(const MapperOptions& options, BuildState* build) {
     DropUnusedModes(&alone);
     const Graph graph = MakeGraph(options, &alone);
     const std::unique_ptr<GraphPosterior> posterior = LinearizeForMap(graph);
-    determined.push_back(posterior && IsDetermined(MapCovariance(graph, *posterior, {}, {})));
+    determined.push_back(posterior && IsDetermined(MapCovariance(graph, *posterior, {}, {}, {})));
   }
   return KeepRuns(determined, kUndeterminedReason, build);
 }

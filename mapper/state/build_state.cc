@@ -117,6 +117,10 @@ void MoveBuild(const Se2& T_map_old, BuildState* build) {
     for (KeptAlternatives::Doubt& doubt : kept.doubts) doubt.place = T_map_old * doubt.place;
   }
   const Eigen::Matrix2d R_map_old = T_map_old.Rotation();
+  for (Eigen::Index row = 0; row < build->distortion_root.rows(); row += 2) {
+    build->distortion_root.middleRows<2>(row) =
+        (R_map_old * build->distortion_root.middleRows<2>(row)).eval();
+  }
   for (auto& [mode, of_mode] : build->disagreement.of_modes) {
     of_mode = R_map_old * of_mode.eval() * R_map_old.transpose();
   }
@@ -180,7 +184,7 @@ Graph MakeGraph(const MapperOptions& options, BuildState* build) {
       graph.observations.push_back({r,
                                     sighting.frame,
                                     flat.Index(group, *mode),
-                                    sighting.observation,
+                                    run.distortion.Undistorted(sighting.observation),
                                     ObservationNoise(sighting.observation, build->sensor),
                                     run.data->mean_squared_bearing});
     }

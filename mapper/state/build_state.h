@@ -15,6 +15,7 @@
 #include "mapper/frontend/frame_motions.h"
 #include "mapper/frontend/mapping_run.h"
 #include "mapper/graph/graph.h"
+#include "mapper/graph/sensor_distortion.h"
 #include "mapper/mapper_options.h"
 #include "mapper/state/undecided_runs.h"
 #include "mapstore/core/ids.h"
@@ -53,6 +54,7 @@ struct BuildRun {
   IndexedVector<FrameIndex, Se2> poses;  ///< T_map_vehicle at every key frame.
   OdometryCalibration odometry;          ///< As estimated for this run.
   SensorBias sensor_bias = SensorBias::Zero();
+  SensorDistortion distortion;  ///< That of its vehicle; found last (CalibrateDistortions).
 
   double variance_factor = 1.0;  ///< As in GraphRun.
 
@@ -109,7 +111,8 @@ struct BuildState {
   /// What the scale of the prior map is uncertain by beside `priors` (RemoveScale).
   double sd_scale = 0.0;
 
-  MapDisagreement disagreement;  ///< As EstimateRunVariances() left it.
+  MapDisagreement disagreement;     ///< As EstimateRunVariances() left it.
+  Eigen::MatrixXd distortion_root;  ///< Distortions::mode_root, or empty.
 
   bool open = false;  ///< As in Graph.
 

@@ -29,7 +29,7 @@ VisitCluster DensestCluster(const std::vector<Eigen::Vector2d>& positions, doubl
 Innovation SightingInnovation(const BuildRun& run,
                               const Sighting& sighting,
                               const Eigen::Vector2d& p_map_landmark) {
-  return LinearizeBiased(sighting.observation,
+  return LinearizeBiased(run.distortion.Undistorted(sighting.observation),
                          run.poses[sighting.frame],
                          p_map_landmark,
                          run.sensor_bias,
@@ -60,8 +60,9 @@ std::vector<Eigen::Vector2d> VisitPositions(const BuildRun& run, const MappingVi
   std::vector<Eigen::Vector2d> positions;
   for (const SightingIndex index : visit.sightings) {
     const Sighting& sighting = run.data->sightings[index];
-    const Observation observation =
-        Unbiased(sighting.observation, run.sensor_bias, run.data->mean_squared_bearing);
+    const Observation observation = Unbiased(run.distortion.Undistorted(sighting.observation),
+                                             run.sensor_bias,
+                                             run.data->mean_squared_bearing);
     positions.push_back(LandmarkPosition(observation, run.poses[sighting.frame]));
   }
   return positions;

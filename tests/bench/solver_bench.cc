@@ -270,7 +270,7 @@ void BM_Covariance(benchmark::State& state, SolverKind solver) {
   const double before = ResetPeak();
   for (auto _ : state) {
     const std::unique_ptr<GraphPosterior> posterior = LinearizeForMap(graph);
-    benchmark::DoNotOptimize(MapCovariance(graph, *posterior, 0.0, {}));
+    benchmark::DoNotOptimize(MapCovariance(graph, *posterior, 0.0, {}, {}));
   }
   state.counters["peak_mib"] = ResidentMib("VmHWM:") - before;
 }

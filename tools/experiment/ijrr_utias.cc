@@ -36,7 +36,9 @@ StatusOr<MapperResult> Build(const UtiasCase& data, const std::optional<MapConte
   input.name = fmt::format("set{}_robot{}", data.dataset, data.robot);
   input.sha256 = input.name;
   input.run = data.run;
-  return BuildMap({std::move(input)}, prior, MapperOptions());
+  MapperOptions options;
+  if (!prior) options.distortion_share = 0.0;  // The other methods take off a SensorBias alone.
+  return BuildMap({std::move(input)}, prior, options);
 }
 
 StatusOr<UtiasEstimate> RunMapper(const Trial& trial, const LandmarkPlaces& map) {

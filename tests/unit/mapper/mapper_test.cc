@@ -354,6 +354,7 @@ TEST(MapperOptions, WhatIsOutOfRangeIsNamed) {
   expect_named("score_position_sd_m", [](auto* o) { o->modes.score_position_sd_m = kNan; });
   expect_named("sd_range_scale", [](auto* o) { o->sd_range_scale = -0.01; });
   expect_named("sd_run_range_scale", [](auto* o) { o->sd_run_range_scale = kNan; });
+  expect_named("distortion_share", [](auto* o) { o->distortion_share = -0.1; });
   expect_named("max_outer_iterations", [](auto* o) { o->max_outer_iterations = 0; });
   expect_named("max_integrations", [](auto* o) { o->max_integrations = 0; });
   expect_named("max_iterations", [](auto* o) { o->solver.max_iterations = 0; });
@@ -401,7 +402,7 @@ TEST(MapperOptions, EachNumberDecides) {
     EXPECT_NE(OutcomeOf(moved), usual) << name;
   };
   expect_decides("position_floor_m", [](auto* o) { o->displacement.position_floor_m = 2.0; });
-  expect_decides("sure_sds", [](auto* o) { o->displacement.sure_sds = 0.05; });
+  expect_decides("sure_sds", [](auto* o) { o->displacement.sure_sds = 0.005; });
   expect_decides("stiff_sd_m", [](auto* o) { o->deformation.stiff_sd_m = 1e-6; });
   expect_decides("max_linear_m", [](auto* o) { o->deformation.max_linear_m = 1e-6; });
   expect_decides("loss_reach_sds", [](auto* o) { o->loss_reach_sds = 2.0; });

@@ -71,9 +71,16 @@ TEST(ModeCovariance, BlocksOfALargeMapAreThoseOfTheDenseCovariance) {
   const Graph graph = Corridor(kMaxJointModes + 60);
   constexpr double kScale = 0.02;
   const auto posterior = LinearizeForMap(graph);
-  const JointCovariance blocks = MapCovariance(graph, *posterior, {kScale}, {});
+  std::mt19937_64 random(1);
+  std::normal_distribution<double> normal;
+  Eigen::MatrixXd distortion(2 * graph.modes.end_index(), 3);
+  for (double& value : distortion.reshaped()) value = 0.01 * normal(random);
+  const JointCovariance blocks = MapCovariance(graph, *posterior, kScale, distortion, {});
   const Eigen::MatrixXd dense = AddScaleUncertainty(
-      graph.modes, kScale, ReferToPositions(graph.modes, ComputeModeCovariance(graph).value()));
+      graph.modes,
+      kScale,
+      ReferToPositions(graph.modes,
+                       ComputeModeCovariance(graph).value() + distortion * distortion.transpose()));
   for (int i = 0; i < blocks.size(); ++i) {
     const Eigen::Matrix2d wanted = dense.block<2, 2>(2 * i, 2 * i);
     EXPECT_THAT(blocks.Block(i, i), testing::IsNearMatrix(wanted, 1e-6 * wanted.norm())) << i;
@@ -102,7 +109,7 @@ TEST(ModeCovariance, DisagreementIsOfTheRunsAndNotOfThePrior) {
       expected = P * (prior + kDisagreement * of_runs) * P;
     }
     expected = ReferToPositions(graph.modes, expected);
-    EXPECT_THAT(MapCovariance(graph, *posterior, {}, {kDisagreement, {}}).Dense(),
+    EXPECT_THAT(MapCovariance(graph, *posterior, {}, {}, {kDisagreement, {}}).Dense(),
                 testing::IsNearMatrix(expected, 1e-6 * expected.norm()));
   }
 }

@@ -106,6 +106,23 @@ TEST(CeresPosterior, MovesModesAlikeByTheResidualsOfBlocks) {
   }
 }
 
+TEST(CeresPosterior, FitsErrorsAlike) {
+  for (Graph& graph : SolvedGraphs()) {
+    const auto [schur, ceres] = PosteriorsOf(&graph);
+    ASSERT_TRUE(schur && ceres);
+    const std::vector<GraphResiduals> errors(2, PresentResiduals(graph));
+    const GraphPosterior::Fit one = schur->FitTo(errors);
+    const GraphPosterior::Fit other = ceres->FitTo(errors);
+    ExpectSame(one.mode_steps, other.mode_steps);
+    for (std::size_t k = 0; k < errors.size(); ++k) {
+      for (const RunIndex r : graph.runs.indices()) {
+        ExpectSame(one.left[k].motions[r], other.left[k].motions[r]);
+      }
+      ExpectSame(one.left[k].observations, other.left[k].observations);
+    }
+  }
+}
+
 // Blocks in the lists that it was given, each once.
 TEST(CeresPosterior, VisitsTheBlocksOfTheCovariance) {
   Graph graph = SolvedGraphs().back();

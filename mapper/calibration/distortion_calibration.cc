@@ -1,0 +1,297 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mapper/calibration/distortion_calibration.h"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <map>
+#include <memory>
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include "mapper/graph/residuals.h"
+#include "mapstore/geometry/covariance.h"
+#include "mapstore/geometry/inner_constraints.h"
+
+namespace shiftmap {
+namespace {
+
+constexpr int kRange = 0;
+constexpr int kBearing = 1;
+
+using Monomials = SensorDistortion::Monomials;
+
+// One of a vehicle's sensor, of its range or its bearing.
+struct ErrorFunction {
+  std::optional<std::size_t> vehicle;  // Of all alike if none.
+  int row = kRange;
+  Monomials coefficients;  // Mean square 1 over the vehicle's observations.
+  double prior_sd = 0.0;   // [m] or [rad]
+};
+
+// Monomials that differ from those before by less than this part, squared, are left out.
+constexpr double kLeastPart = 1e-6;
+
+// Those of SensorBias, by row, and the other polynomials of second degree, as monomials.
+constexpr int kScaleMonomial = 1;
+constexpr std::array<std::array<int, 2>, 2> kOfSensorBias = {{{kScaleMonomial, 6}, {0, 0}}};
+constexpr std::array<int, 6> kSecondDegree = {0, 1, 2, 3, 4, 5};
+
+// Polynomials of second degree that are orthonormal over observations, and orthogonal to the errors
+// in SensorBias, by Gram and Schmidt.
+std::vector<Monomials> OrthonormalOver(const std::vector<const GraphObservation*>& observations,
+                                       int row) {
+  Eigen::Matrix<double, SensorDistortion::kMonomials, SensorDistortion::kMonomials> products =
+      decltype(products)::Zero();
+  for (const GraphObservation* item : observations) {
+    const Monomials m = SensorDistortion::MonomialsOf(item->observation);
+    products += m * m.transpose() / static_cast<double>(observations.size());
+  }
+  std::vector<Monomials> functions;
+  const auto append = [&](int monomial) {
+    Monomials rest = Monomials::Unit(monomial);
+    for (const Monomials& other : functions) rest -= other.dot(products * rest) * other;
+    const double squared = rest.dot(products * rest);
+    if (squared <= kLeastPart * products(monomial, monomial)) return;
+    functions.push_back(rest / std::sqrt(squared));
+  };
+  for (const int monomial : kOfSensorBias[static_cast<std::size_t>(row)]) append(monomial);
+  const auto known = static_cast<std::ptrdiff_t>(functions.size());
+  for (const int monomial : kSecondDegree) append(monomial);
+  functions.erase(functions.begin(), functions.begin() + known);
+  return functions;
+}
+
+// Those of one vehicle.
+void AppendFunctions(const MapperOptions& options,
+                     const SensorCalibration& sensor,
+                     const std::vector<const GraphObservation*>& observations,
+                     std::size_t vehicle,
+                     std::vector<ErrorFunction>* functions) {
+  Eigen::Vector2d sd(sensor.sd_range_m, sensor.sd_bearing_rad);
+  if (observations.front()->observation.kind == Observation::Kind::kCartesian) {
+    double squared_ranges = 0.0;
+    for (const GraphObservation* item : observations) {
+      squared_ranges += item->observation.z.squaredNorm();
+    }
+    const auto count = static_cast<double>(observations.size());
+    sd << sensor.sd_position_m, sensor.sd_position_m / std::sqrt(squared_ranges / count);
+  }
+  for (const int row : {kRange, kBearing}) {
+    const std::vector<Monomials> orthonormal = OrthonormalOver(observations, row);
+    const auto count = static_cast<double>(orthonormal.size());
+    for (const Monomials& function : orthonormal) {
+      functions->push_back(
+          {vehicle, row, function, options.distortion_share * sd[row] / std::sqrt(count)});
+    }
+  }
+}
+
+// The functions as standardized residuals: by how much an observation's change with (range,
+// bearing), times the root of its weight.
+class DistortedResiduals {
+ public:
+  DistortedResiduals(const Graph& graph, const IndexedVector<RunIndex, std::size_t>& vehicles)
+      : graph_(graph), vehicles_(vehicles) {
+    const IndexedVector<RunIndex, RobustLoss> losses = LossesOf(graph);
+    for (const GraphObservation& item : graph.observations) {
+      const GraphRun& run = graph.runs[item.run];
+      const double squared = ObservationResidual(item)
+                                 .ResidualAt(run.poses[item.frame],
+                                             run.poses[item.frame].Rotation(),
+                                             graph.modes[item.mode],
+                                             run.sensor_bias)
+                                 .squaredNorm();
+      const Eigen::LLT<Eigen::Matrix2d> llt(item.cov_z);
+      const Eigen::Matrix2d by_polar =
+          llt.matrixL().solve(SensorDistortion::DzDPolar(item.observation));
+      by_polar_.push_back(std::sqrt(losses[item.run].Curvature(squared)) * by_polar);
+      monomials_.push_back(SensorDistortion::MonomialsOf(item.observation));
+    }
+  }
+
+  GraphResiduals Of(const ErrorFunction& function) const {
+    GraphResiduals residuals;
+    for (const GraphRun& run : graph_.runs) {
+      residuals.motions.push_back(Eigen::Matrix3Xd::Zero(3, std::ssize(run.motions)));
+    }
+    residuals.observations.setZero(2, std::ssize(graph_.observations));
+    for (const ObservationIndex i : graph_.observations.indices()) {
+      if (!IsOf(function, i)) continue;
+      residuals.observations.col(i.value()) = At(function, i);
+    }
+    return residuals;
+  }
+
+  double Dot(const ErrorFunction& function, const GraphResiduals& residuals) const {
+    double sum = 0.0;
+    for (const ObservationIndex i : graph_.observations.indices()) {
+      if (IsOf(function, i)) sum += At(function, i).dot(residuals.observations.col(i.value()));
+    }
+    return sum;
+  }
+
+ private:
+  bool IsOf(const ErrorFunction& function, ObservationIndex i) const {
+    return !function.vehicle || *function.vehicle == vehicles_[graph_.observations[i].run];
+  }
+
+  Eigen::Vector2d At(const ErrorFunction& function, ObservationIndex i) const {
+    return by_polar_[i].col(function.row) * function.coefficients.dot(monomials_[i]);
+  }
+
+  const Graph& graph_;
+  const IndexedVector<RunIndex, std::size_t>& vehicles_;
+  IndexedVector<ObservationIndex, Eigen::Matrix2d> by_polar_;
+  IndexedVector<ObservationIndex, Monomials> monomials_;
+};
+
+// Of a build with and without its distortions: both solvers are to make the same map, also where
+// these are known badly. [-]
+constexpr double kCostTolerance = 1e-7;
+
+// Functions that are fitted at a time: each takes as much memory as all residuals.
+constexpr std::size_t kBatch = 8;
+
+// The normal equations of amplitudes of functions, what else a graph has eliminated.
+struct AmplitudeSystem {
+  Eigen::MatrixXd information;  // Φᵀ (I - J H⁻¹ Jᵀ) Φ
+  Eigen::VectorXd gradient;     // Φᵀ e
+  Eigen::MatrixXd mode_steps;   // H⁻¹ Jᵀ Φ
+  Eigen::VectorXd growth;       // Scale of all ranges that was taken off each. [-]
+};
+
+AmplitudeSystem EliminateGraph(const Graph& graph,
+                               const GraphPosterior& posterior,
+                               const DistortedResiduals& distorted,
+                               const std::vector<ErrorFunction>& functions) {
+  const GraphResiduals present = PresentResiduals(graph);
+  const Eigen::Index size = std::ssize(functions);
+  AmplitudeSystem system{Eigen::MatrixXd(size, size),
+                         Eigen::VectorXd(size),
+                         Eigen::MatrixXd(2 * graph.modes.end_index(), size),
+                         {}};
+  for (std::size_t k = 0; k < functions.size(); ++k) {
+    system.gradient[static_cast<Eigen::Index>(k)] = distorted.Dot(functions[k], present);
+  }
+  for (std::size_t first = 0; first < functions.size(); first += kBatch) {
+    std::vector<GraphResiduals> errors;
+    for (std::size_t k = first; k < std::min(functions.size(), first + kBatch); ++k) {
+      errors.push_back(distorted.Of(functions[k]));
+    }
+    const GraphPosterior::Fit fit = posterior.FitTo(std::move(errors));
+    const auto column = static_cast<Eigen::Index>(first);
+    system.mode_steps.middleCols(column, fit.mode_steps.cols()) = fit.mode_steps;
+    for (Eigen::Index row = 0; row < size; ++row) {
+      for (std::size_t k = 0; k < fit.left.size(); ++k) {
+        system.information(row, column + static_cast<Eigen::Index>(k)) =
+            distorted.Dot(functions[static_cast<std::size_t>(row)], fit.left[k]);
+      }
+    }
+  }
+  return system;
+}
+
+// The functions without the growth of the map that each leads to, which the last one, the scale of
+// all ranges, has alone. A smaller map has smaller residuals of motions: that would count for it.
+AmplitudeSystem WithoutGrowth(const Graph& graph, const AmplitudeSystem& all) {
+  const Eigen::Index size = all.gradient.size() - 1;
+  const Eigen::VectorXd offsets = OffsetsFromCentroid(graph.modes);
+  AmplitudeSystem system;
+  // Errors lead the fit to the opposite of its step.
+  system.growth = -all.mode_steps.leftCols(size).transpose() * offsets / offsets.squaredNorm();
+  Eigen::MatrixXd combination(size + 1, size);
+  combination << Eigen::MatrixXd::Identity(size, size), -system.growth.transpose();
+  system.information = combination.transpose() * all.information * combination;
+  system.gradient = combination.transpose() * all.gradient;
+  system.mode_steps = all.mode_steps * combination;
+  return system;
+}
+
+// By run, from 0 on.
+IndexedVector<RunIndex, std::size_t> VehicleOfRun(const BuildState& build) {
+  IndexedVector<RunIndex, std::size_t> vehicles(build.runs.size(), 0);
+  std::size_t vehicle = 0;
+  for (const auto& [name, runs] : RunsByVehicle(build)) {
+    for (const RunIndex r : runs) vehicles[r] = vehicle;
+    ++vehicle;
+  }
+  return vehicles;
+}
+
+// Those of all vehicles, and last the scale of all ranges.
+std::vector<ErrorFunction> FunctionsOf(const MapperOptions& options,
+                                       const SensorCalibration& sensor,
+                                       const Graph& graph,
+                                       const IndexedVector<RunIndex, std::size_t>& vehicles) {
+  std::map<std::size_t, std::vector<const GraphObservation*>> observations;
+  for (const GraphObservation& item : graph.observations) {
+    observations[vehicles[item.run]].push_back(&item);
+  }
+  std::vector<ErrorFunction> functions;
+  for (const auto& [vehicle, of_vehicle] : observations) {
+    AppendFunctions(options, sensor, of_vehicle, vehicle, &functions);
+  }
+  functions.push_back({std::nullopt, kRange, Monomials::Unit(kScaleMonomial), 0.0});
+  return functions;
+}
+
+}  // namespace
+
+Distortions EstimateDistortions(const MapperOptions& options,
+                                const Graph& graph,
+                                const GraphPosterior& posterior,
+                                const BuildState& build) {
+  Distortions result;
+  result.of_runs.resize(graph.runs.size());
+  if (!options.calibrate || options.distortion_share == 0.0) return result;
+  const IndexedVector<RunIndex, std::size_t> vehicles = VehicleOfRun(build);
+  const std::vector<ErrorFunction> functions = FunctionsOf(options, build.sensor, graph, vehicles);
+  const AmplitudeSystem system = WithoutGrowth(
+      graph, EliminateGraph(graph, posterior, DistortedResiduals(graph, vehicles), functions));
+  // In prior standard deviations: the prior is the identity.
+  const Eigen::Index size = system.gradient.size();
+  Eigen::VectorXd prior_sd(size);
+  for (Eigen::Index k = 0; k < size; ++k) {
+    prior_sd[k] = functions[static_cast<std::size_t>(k)].prior_sd;
+  }
+  const auto sd = prior_sd.asDiagonal();
+  const Eigen::MatrixXd information = sd * system.information * sd;
+  const Eigen::LLT<Eigen::MatrixXd> llt(Symmetrized(information) +
+                                        Eigen::MatrixXd::Identity(size, size));
+  const Eigen::VectorXd amplitudes = sd * llt.solve(sd * system.gradient);
+  if (llt.info() != Eigen::Success || !amplitudes.allFinite()) return result;
+  const Eigen::MatrixXd steps = system.mode_steps * sd;
+  result.mode_root = llt.matrixL().solve(steps.transpose()).transpose();
+  const double growth = amplitudes.dot(system.growth);
+  for (const RunIndex r : graph.runs.indices()) {
+    auto& coefficients = result.of_runs[r].coefficients;
+    coefficients(kRange, kScaleMonomial) = -growth;
+    for (Eigen::Index k = 0; k < size; ++k) {
+      const ErrorFunction& function = functions[static_cast<std::size_t>(k)];
+      if (function.vehicle != vehicles[r]) continue;
+      coefficients.row(function.row) += amplitudes[k] * function.coefficients.transpose();
+    }
+  }
+  return result;
+}
+
+void CalibrateDistortions(const MapperOptions& options, BuildState* build, GraphSolver* solver) {
+  if (!options.calibrate || options.distortion_share == 0.0) return;
+  MapperOptions precise = options;
+  precise.solver.cost_tolerance = std::min(kCostTolerance, options.solver.cost_tolerance);
+  const Graph graph = SolveContinuous(precise, build, solver);
+  const std::unique_ptr<GraphPosterior> posterior = solver->Linearize(graph);
+  if (!posterior) return;
+  Distortions distortions = EstimateDistortions(options, graph, *posterior, *build);
+  for (const RunIndex r : build->runs.indices()) {
+    build->runs[r].distortion = distortions.of_runs[r];
+  }
+  build->distortion_root = std::move(distortions.mode_root);
+  SolveContinuous(precise, build, solver);
+}
+
+}  // namespace shiftmap
