@@ -95,9 +95,12 @@ void AppendFunctions(const MapperOptions& options,
 class DistortedResiduals {
  public:
   DistortedResiduals(const Graph& graph, const IndexedVector<RunIndex, std::size_t>& vehicles)
-      : graph_(graph), vehicles_(vehicles) {
+      : graph_(graph) {
     const IndexedVector<RunIndex, RobustLoss> losses = LossesOf(graph);
-    for (const GraphObservation& item : graph.observations) {
+    for (const ObservationIndex i : graph.observations.indices()) {
+      const GraphObservation& item = graph.observations[i];
+      of_vehicle_[vehicles[item.run]].push_back(i);
+      of_vehicle_[std::nullopt].push_back(i);
       const GraphRun& run = graph.runs[item.run];
       const double squared = ObservationResidual(item)
                                  .ResidualAt(run.poses[item.frame],
@@ -119,8 +122,7 @@ class DistortedResiduals {
       residuals.motions.push_back(Eigen::Matrix3Xd::Zero(3, std::ssize(run.motions)));
     }
     residuals.observations.setZero(2, std::ssize(graph_.observations));
-    for (const ObservationIndex i : graph_.observations.indices()) {
-      if (!IsOf(function, i)) continue;
+    for (const ObservationIndex i : of_vehicle_.at(function.vehicle)) {
       residuals.observations.col(i.value()) = At(function, i);
     }
     return residuals;
@@ -128,23 +130,19 @@ class DistortedResiduals {
 
   double Dot(const ErrorFunction& function, const GraphResiduals& residuals) const {
     double sum = 0.0;
-    for (const ObservationIndex i : graph_.observations.indices()) {
-      if (IsOf(function, i)) sum += At(function, i).dot(residuals.observations.col(i.value()));
+    for (const ObservationIndex i : of_vehicle_.at(function.vehicle)) {
+      sum += At(function, i).dot(residuals.observations.col(i.value()));
     }
     return sum;
   }
 
  private:
-  bool IsOf(const ErrorFunction& function, ObservationIndex i) const {
-    return !function.vehicle || *function.vehicle == vehicles_[graph_.observations[i].run];
-  }
-
   Eigen::Vector2d At(const ErrorFunction& function, ObservationIndex i) const {
     return by_polar_[i].col(function.row) * function.coefficients.dot(monomials_[i]);
   }
 
   const Graph& graph_;
-  const IndexedVector<RunIndex, std::size_t>& vehicles_;
+  std::map<std::optional<std::size_t>, std::vector<ObservationIndex>> of_vehicle_;  // And of all.
   IndexedVector<ObservationIndex, Eigen::Matrix2d> by_polar_;
   IndexedVector<ObservationIndex, Monomials> monomials_;
 };
@@ -156,7 +154,7 @@ constexpr double kCostTolerance = 1e-7;
 // Functions that are fitted at a time: each takes as much memory as all residuals.
 constexpr std::size_t kBatch = 8;
 
-// The normal equations of amplitudes of functions, what else a graph has eliminated.
+// The normal equations of the amplitudes of functions, with all of a graph eliminated.
 struct AmplitudeSystem {
   Eigen::MatrixXd information;  // Φᵀ (I - J H⁻¹ Jᵀ) Φ
   Eigen::VectorXd gradient;     // Φᵀ e
