@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "mapper/alignment/consensus.h"
+#include "mapper/calibration/distortion_calibration.h"
 #include "mapper/covariance/mode_covariance.h"
 #include "mapper/graph/graph.h"
 #include "mapper/graph/graph_segments.h"
@@ -131,8 +132,11 @@ std::int64_t EstimateBuildMemory(const BuildSize& size) {
   const std::int64_t segments = size.segment_boundary * kSegmentPoses * kSegmentRow +
                                 size.key_frames * kSegmentFactor +
                                 size.segment_pairs * kSegmentPair;
+  // Errors, what is left of them, and steps of the poses.
+  const std::int64_t distortions = kFunctionsAtOnce * bytes(sizeof(double)) *
+                                   ((2 + 1) * 3 * size.key_frames + 2 * 2 * size.observations);
   return kProgram + kLogCopies * logs + kGraphCopies * graph + segments + joint + tiles + runs +
-         waiting;
+         waiting + distortions;
 }
 
 Status CheckBuildMemory(const BuildSize& size, std::int64_t max_memory_bytes) {

@@ -151,9 +151,6 @@ class DistortedResiduals {
 // these are known badly. [-]
 constexpr double kCostTolerance = 1e-7;
 
-// Functions that are fitted at a time: each takes as much memory as all residuals.
-constexpr std::size_t kBatch = 8;
-
 // The normal equations of the amplitudes of functions, with all of a graph eliminated.
 struct AmplitudeSystem {
   Eigen::MatrixXd information;  // Φᵀ (I - J H⁻¹ Jᵀ) Φ
@@ -175,9 +172,9 @@ AmplitudeSystem EliminateGraph(const Graph& graph,
   for (std::size_t k = 0; k < functions.size(); ++k) {
     system.gradient[static_cast<Eigen::Index>(k)] = distorted.Dot(functions[k], present);
   }
-  for (std::size_t first = 0; first < functions.size(); first += kBatch) {
+  for (std::size_t first = 0; first < functions.size(); first += kFunctionsAtOnce) {
     std::vector<GraphResiduals> errors;
-    for (std::size_t k = first; k < std::min(functions.size(), first + kBatch); ++k) {
+    for (std::size_t k = first; k < std::min(functions.size(), first + kFunctionsAtOnce); ++k) {
       errors.push_back(distorted.Of(functions[k]));
     }
     const GraphPosterior::Fit fit = posterior.FitTo(std::move(errors));

@@ -10,6 +10,10 @@
 
 namespace shiftmap {
 
+/// Functions that are fitted at a time: each takes as much memory as all residuals and all
+/// unknowns.
+inline constexpr int kFunctionsAtOnce = 4;
+
 /// What a build says of the distortions of its vehicles' sensors.
 struct Distortions {
   /// Those of a vehicle are alike.
