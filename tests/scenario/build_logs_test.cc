@@ -210,7 +210,7 @@ TEST_F(BuildLogs, TheOrderOfLogsDoesNotDecideWhichAreLeftOut) {
   std::sort(logs.begin(), logs.end());
   std::set<std::string> outcomes;
   do {
-    Arguments words = {"--dry-run", "--json", "--max-memory-mib", "24"};
+    Arguments words = {"--dry-run", "--json", "--max-memory-mib", "30"};
     words.insert(words.end(), logs.begin(), logs.end());
     const CommandResult built = RunCommand("shiftmap-mapper", Build(words));
     ASSERT_EQ(built.exit_code, 0) << built.err;
