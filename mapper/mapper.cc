@@ -310,8 +310,10 @@ StatusOr<int> RefineTogether(const MapperOptions& options, Watch* watch, BuildSt
     SHIFTMAP_RETURN_IF_ERROR(RemoveUntiedRuns(build));
     SolveContinuous(options, build);
   }
-  if (EstimateRunVariances(options, build)) SolveContinuous(options, build, &solver);
-  CalibrateDistortions(options, build, &solver);
+  const bool reweighted = EstimateRunVariances(options, build);
+  if (!CalibrateDistortions(options, build, &solver) && reweighted) {
+    SolveContinuous(options, build, &solver);
+  }
   return iterations;
 }
 

@@ -132,7 +132,7 @@ std::int64_t EstimateBuildMemory(const BuildSize& size) {
   const std::int64_t segments = size.segment_boundary * kSegmentPoses * kSegmentRow +
                                 size.key_frames * kSegmentFactor +
                                 size.segment_pairs * kSegmentPair;
-  // Errors, what is left of them, and steps of the poses.
+  // Each function has errors, their residuals after the fit, and a step of the poses.
   const std::int64_t distortions = kFunctionsAtOnce * bytes(sizeof(double)) *
                                    ((2 + 1) * 3 * size.key_frames + 2 * 2 * size.observations);
   return kProgram + kLogCopies * logs + kGraphCopies * graph + segments + joint + tiles + runs +

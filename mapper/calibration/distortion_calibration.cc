@@ -2,8 +2,8 @@
 #include "mapper/calibration/distortion_calibration.h"
 
 #include <Eigen/Cholesky>
+#include <Eigen/Core>
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstddef>
 #include <map>
@@ -12,7 +12,9 @@
 #include <utility>
 #include <vector>
 
+#include "mapper/graph/graph_posterior.h"
 #include "mapper/graph/residuals.h"
+#include "mapper/graph/sensor_distortion.h"
 #include "mapstore/geometry/covariance.h"
 #include "mapstore/geometry/inner_constraints.h"
 
@@ -23,6 +25,9 @@ constexpr int kRange = 0;
 constexpr int kBearing = 1;
 
 using Monomials = SensorDistortion::Monomials;
+
+// Observations of each vehicle; of all under none.
+using ObservationsByVehicle = std::map<std::optional<std::size_t>, std::vector<ObservationIndex>>;
 
 // One of a vehicle's sensor, of its range or its bearing.
 struct ErrorFunction {
@@ -35,19 +40,21 @@ struct ErrorFunction {
 // Monomials that differ from those before by less than this part, squared, are left out.
 constexpr double kLeastPart = 1e-6;
 
-// Those of SensorBias, by row, and the other polynomials of second degree, as monomials.
-constexpr int kScaleMonomial = 1;
-constexpr std::array<std::array<int, 2>, 2> kOfSensorBias = {{{kScaleMonomial, 6}, {0, 0}}};
-constexpr std::array<int, 6> kSecondDegree = {0, 1, 2, 3, 4, 5};
+// The errors that SensorBias has: scale and curvature of ranges, offset of bearings.
+std::vector<int> OfSensorBias(int row) {
+  if (row == kBearing) return {SensorDistortion::kOne};
+  return {SensorDistortion::kR, SensorDistortion::kRBB};
+}
 
 // Polynomials of second degree that are orthonormal over observations, and orthogonal to the errors
 // in SensorBias, by Gram and Schmidt.
-std::vector<Monomials> OrthonormalOver(const std::vector<const GraphObservation*>& observations,
+std::vector<Monomials> OrthonormalOver(const Graph& graph,
+                                       const std::vector<ObservationIndex>& observations,
                                        int row) {
   Eigen::Matrix<double, SensorDistortion::kMonomials, SensorDistortion::kMonomials> products =
       decltype(products)::Zero();
-  for (const GraphObservation* item : observations) {
-    const Monomials m = SensorDistortion::MonomialsOf(item->observation);
+  for (const ObservationIndex i : observations) {
+    const Monomials m = SensorDistortion::MonomialsOf(graph.observations[i].observation);
     products += m * m.transpose() / static_cast<double>(observations.size());
   }
   std::vector<Monomials> functions;
@@ -58,9 +65,11 @@ std::vector<Monomials> OrthonormalOver(const std::vector<const GraphObservation*
     if (squared <= kLeastPart * products(monomial, monomial)) return;
     functions.push_back(rest / std::sqrt(squared));
   };
-  for (const int monomial : kOfSensorBias[static_cast<std::size_t>(row)]) append(monomial);
+  for (const int monomial : OfSensorBias(row)) append(monomial);
   const auto known = static_cast<std::ptrdiff_t>(functions.size());
-  for (const int monomial : kSecondDegree) append(monomial);
+  for (int monomial = SensorDistortion::kOne; monomial <= SensorDistortion::kBB; ++monomial) {
+    append(monomial);
+  }
   functions.erase(functions.begin(), functions.begin() + known);
   return functions;
 }
@@ -68,20 +77,21 @@ std::vector<Monomials> OrthonormalOver(const std::vector<const GraphObservation*
 // Those of one vehicle.
 void AppendFunctions(const MapperOptions& options,
                      const SensorCalibration& sensor,
-                     const std::vector<const GraphObservation*>& observations,
+                     const Graph& graph,
+                     const std::vector<ObservationIndex>& observations,
                      std::size_t vehicle,
                      std::vector<ErrorFunction>* functions) {
   Eigen::Vector2d sd(sensor.sd_range_m, sensor.sd_bearing_rad);
-  if (observations.front()->observation.kind == Observation::Kind::kCartesian) {
+  if (graph.observations[observations.front()].observation.kind == Observation::Kind::kCartesian) {
     double squared_ranges = 0.0;
-    for (const GraphObservation* item : observations) {
-      squared_ranges += item->observation.z.squaredNorm();
+    for (const ObservationIndex i : observations) {
+      squared_ranges += graph.observations[i].observation.z.squaredNorm();
     }
     const auto count = static_cast<double>(observations.size());
     sd << sensor.sd_position_m, sensor.sd_position_m / std::sqrt(squared_ranges / count);
   }
   for (const int row : {kRange, kBearing}) {
-    const std::vector<Monomials> orthonormal = OrthonormalOver(observations, row);
+    const std::vector<Monomials> orthonormal = OrthonormalOver(graph, observations, row);
     const auto count = static_cast<double>(orthonormal.size());
     for (const Monomials& function : orthonormal) {
       functions->push_back(
@@ -94,24 +104,21 @@ void AppendFunctions(const MapperOptions& options,
 // bearing), times the root of its weight.
 class DistortedResiduals {
  public:
-  DistortedResiduals(const Graph& graph, const IndexedVector<RunIndex, std::size_t>& vehicles)
-      : graph_(graph) {
+  // @param observations  Of the graph; both must outlive this.
+  DistortedResiduals(const Graph& graph, const ObservationsByVehicle& observations)
+      : graph_(graph), observations_(observations) {
     const IndexedVector<RunIndex, RobustLoss> losses = LossesOf(graph);
-    for (const ObservationIndex i : graph.observations.indices()) {
-      const GraphObservation& item = graph.observations[i];
-      of_vehicle_[vehicles[item.run]].push_back(i);
-      of_vehicle_[std::nullopt].push_back(i);
+    for (const GraphObservation& item : graph.observations) {
       const GraphRun& run = graph.runs[item.run];
-      const double squared = ObservationResidual(item)
+      const ObservationResidual residual(item);
+      const double squared = residual
                                  .ResidualAt(run.poses[item.frame],
                                              run.poses[item.frame].Rotation(),
                                              graph.modes[item.mode],
                                              run.sensor_bias)
                                  .squaredNorm();
-      const Eigen::LLT<Eigen::Matrix2d> llt(item.cov_z);
-      const Eigen::Matrix2d by_polar =
-          llt.matrixL().solve(SensorDistortion::DzDPolar(item.observation));
-      by_polar_.push_back(std::sqrt(losses[item.run].Curvature(squared)) * by_polar);
+      by_polar_.push_back(std::sqrt(losses[item.run].Curvature(squared)) *
+                          residual.Whitened(SensorDistortion::DzDPolar(item.observation)));
       monomials_.push_back(SensorDistortion::MonomialsOf(item.observation));
     }
   }
@@ -122,7 +129,7 @@ class DistortedResiduals {
       residuals.motions.push_back(Eigen::Matrix3Xd::Zero(3, std::ssize(run.motions)));
     }
     residuals.observations.setZero(2, std::ssize(graph_.observations));
-    for (const ObservationIndex i : of_vehicle_.at(function.vehicle)) {
+    for (const ObservationIndex i : observations_.at(function.vehicle)) {
       residuals.observations.col(i.value()) = At(function, i);
     }
     return residuals;
@@ -130,7 +137,7 @@ class DistortedResiduals {
 
   double Dot(const ErrorFunction& function, const GraphResiduals& residuals) const {
     double sum = 0.0;
-    for (const ObservationIndex i : of_vehicle_.at(function.vehicle)) {
+    for (const ObservationIndex i : observations_.at(function.vehicle)) {
       sum += At(function, i).dot(residuals.observations.col(i.value()));
     }
     return sum;
@@ -142,7 +149,7 @@ class DistortedResiduals {
   }
 
   const Graph& graph_;
-  std::map<std::optional<std::size_t>, std::vector<ObservationIndex>> of_vehicle_;  // And of all.
+  const ObservationsByVehicle& observations_;
   IndexedVector<ObservationIndex, Eigen::Matrix2d> by_polar_;
   IndexedVector<ObservationIndex, Monomials> monomials_;
 };
@@ -156,7 +163,6 @@ struct AmplitudeSystem {
   Eigen::MatrixXd information;  // Φᵀ (I - J H⁻¹ Jᵀ) Φ
   Eigen::VectorXd gradient;     // Φᵀ e
   Eigen::MatrixXd mode_steps;   // H⁻¹ Jᵀ Φ
-  Eigen::VectorXd growth;       // Scale of all ranges that was taken off each. [-]
 };
 
 AmplitudeSystem EliminateGraph(const Graph& graph,
@@ -167,8 +173,7 @@ AmplitudeSystem EliminateGraph(const Graph& graph,
   const Eigen::Index size = std::ssize(functions);
   AmplitudeSystem system{Eigen::MatrixXd(size, size),
                          Eigen::VectorXd(size),
-                         Eigen::MatrixXd(2 * graph.modes.end_index(), size),
-                         {}};
+                         Eigen::MatrixXd(2 * graph.modes.end_index(), size)};
   for (std::size_t k = 0; k < functions.size(); ++k) {
     system.gradient[static_cast<Eigen::Index>(k)] = distorted.Dot(functions[k], present);
   }
@@ -190,20 +195,22 @@ AmplitudeSystem EliminateGraph(const Graph& graph,
   return system;
 }
 
-// The functions without the growth of the map that each leads to, which the last one, the scale of
-// all ranges, has alone. A smaller map has smaller residuals of motions: that would count for it.
-AmplitudeSystem WithoutGrowth(const Graph& graph, const AmplitudeSystem& all) {
-  const Eigen::Index size = all.gradient.size() - 1;
+// By how much each function makes the map grow, as the scale of all ranges does. [-]
+Eigen::VectorXd GrowthOf(const Graph& graph, const Eigen::MatrixXd& mode_steps) {
   const Eigen::VectorXd offsets = OffsetsFromCentroid(graph.modes);
-  AmplitudeSystem system;
-  // Errors lead the fit to the opposite of its step.
-  system.growth = -all.mode_steps.leftCols(size).transpose() * offsets / offsets.squaredNorm();
+  // An error moves the minimum against the step.
+  return -mode_steps.transpose() * offsets / offsets.squaredNorm();
+}
+
+// The system of the functions less their growth times the last one, the scale of all ranges: the
+// size of the map stays. A smaller map has smaller residuals of motions, which would count for it.
+AmplitudeSystem WithoutGrowth(const AmplitudeSystem& all, const Eigen::VectorXd& growth) {
+  const Eigen::Index size = growth.size();
   Eigen::MatrixXd combination(size + 1, size);
-  combination << Eigen::MatrixXd::Identity(size, size), -system.growth.transpose();
-  system.information = combination.transpose() * all.information * combination;
-  system.gradient = combination.transpose() * all.gradient;
-  system.mode_steps = all.mode_steps * combination;
-  return system;
+  combination << Eigen::MatrixXd::Identity(size, size), -growth.transpose();
+  return {combination.transpose() * all.information * combination,
+          combination.transpose() * all.gradient,
+          all.mode_steps * combination};
 }
 
 // By run, from 0 on.
@@ -217,38 +224,45 @@ IndexedVector<RunIndex, std::size_t> VehicleOfRun(const BuildState& build) {
   return vehicles;
 }
 
+ObservationsByVehicle GroupByVehicle(const Graph& graph,
+                                     const IndexedVector<RunIndex, std::size_t>& vehicles) {
+  ObservationsByVehicle observations;
+  for (const ObservationIndex i : graph.observations.indices()) {
+    observations[vehicles[graph.observations[i].run]].push_back(i);
+    observations[std::nullopt].push_back(i);
+  }
+  return observations;
+}
+
 // Those of all vehicles, and last the scale of all ranges.
 std::vector<ErrorFunction> FunctionsOf(const MapperOptions& options,
                                        const SensorCalibration& sensor,
                                        const Graph& graph,
-                                       const IndexedVector<RunIndex, std::size_t>& vehicles) {
-  std::map<std::size_t, std::vector<const GraphObservation*>> observations;
-  for (const GraphObservation& item : graph.observations) {
-    observations[vehicles[item.run]].push_back(&item);
-  }
+                                       const ObservationsByVehicle& observations) {
   std::vector<ErrorFunction> functions;
   for (const auto& [vehicle, of_vehicle] : observations) {
-    AppendFunctions(options, sensor, of_vehicle, vehicle, &functions);
+    if (vehicle) AppendFunctions(options, sensor, graph, of_vehicle, *vehicle, &functions);
   }
-  functions.push_back({std::nullopt, kRange, Monomials::Unit(kScaleMonomial), 0.0});
+  functions.push_back({std::nullopt, kRange, Monomials::Unit(SensorDistortion::kR), 0.0});
   return functions;
 }
 
-}  // namespace
-
-Distortions EstimateDistortions(const MapperOptions& options,
-                                const Graph& graph,
-                                const GraphPosterior& posterior,
-                                const BuildState& build) {
-  Distortions result;
-  result.of_runs.resize(graph.runs.size());
-  if (!options.calibrate || options.distortion_share == 0.0) return result;
-  const IndexedVector<RunIndex, std::size_t> vehicles = VehicleOfRun(build);
-  const std::vector<ErrorFunction> functions = FunctionsOf(options, build.sensor, graph, vehicles);
-  const AmplitudeSystem system = WithoutGrowth(
-      graph, EliminateGraph(graph, posterior, DistortedResiduals(graph, vehicles), functions));
+// Sets the distortions of a build, which its graph does not have yet.
+// @param posterior  Of the graph.
+void SetDistortions(const MapperOptions& options,
+                    const Graph& graph,
+                    const GraphPosterior& posterior,
+                    BuildState* build) {
+  const IndexedVector<RunIndex, std::size_t> vehicles = VehicleOfRun(*build);
+  const ObservationsByVehicle observations = GroupByVehicle(graph, vehicles);
+  const std::vector<ErrorFunction> functions =
+      FunctionsOf(options, build->sensor, graph, observations);
+  const AmplitudeSystem all =
+      EliminateGraph(graph, posterior, DistortedResiduals(graph, observations), functions);
+  const Eigen::Index size = std::ssize(functions) - 1;
+  const Eigen::VectorXd growth = GrowthOf(graph, all.mode_steps.leftCols(size));
+  const AmplitudeSystem system = WithoutGrowth(all, growth);
   // In prior standard deviations: the prior is the identity.
-  const Eigen::Index size = system.gradient.size();
   Eigen::VectorXd prior_sd(size);
   for (Eigen::Index k = 0; k < size; ++k) {
     prior_sd[k] = functions[static_cast<std::size_t>(k)].prior_sd;
@@ -258,35 +272,32 @@ Distortions EstimateDistortions(const MapperOptions& options,
   const Eigen::LLT<Eigen::MatrixXd> llt(Symmetrized(information) +
                                         Eigen::MatrixXd::Identity(size, size));
   const Eigen::VectorXd amplitudes = sd * llt.solve(sd * system.gradient);
-  if (llt.info() != Eigen::Success || !amplitudes.allFinite()) return result;
+  if (llt.info() != Eigen::Success || !amplitudes.allFinite()) return;
   const Eigen::MatrixXd steps = system.mode_steps * sd;
-  result.mode_root = llt.matrixL().solve(steps.transpose()).transpose();
-  const double growth = amplitudes.dot(system.growth);
-  for (const RunIndex r : graph.runs.indices()) {
-    auto& coefficients = result.of_runs[r].coefficients;
-    coefficients(kRange, kScaleMonomial) = -growth;
+  build->distortion_root = llt.matrixL().solve(steps.transpose()).transpose();
+  for (const RunIndex r : build->runs.indices()) {
+    auto& coefficients = build->runs[r].distortion.coefficients;
+    coefficients(kRange, SensorDistortion::kR) = -amplitudes.dot(growth);
     for (Eigen::Index k = 0; k < size; ++k) {
       const ErrorFunction& function = functions[static_cast<std::size_t>(k)];
       if (function.vehicle != vehicles[r]) continue;
       coefficients.row(function.row) += amplitudes[k] * function.coefficients.transpose();
     }
   }
-  return result;
 }
 
-void CalibrateDistortions(const MapperOptions& options, BuildState* build, GraphSolver* solver) {
-  if (!options.calibrate || options.distortion_share == 0.0) return;
+}  // namespace
+
+bool CalibrateDistortions(const MapperOptions& options, BuildState* build, GraphSolver* solver) {
+  if (!options.calibrate || options.distortion_share == 0.0) return false;
   MapperOptions precise = options;
   precise.solver.cost_tolerance = std::min(kCostTolerance, options.solver.cost_tolerance);
   const Graph graph = SolveContinuous(precise, build, solver);
   const std::unique_ptr<GraphPosterior> posterior = solver->Linearize(graph);
-  if (!posterior) return;
-  Distortions distortions = EstimateDistortions(options, graph, *posterior, *build);
-  for (const RunIndex r : build->runs.indices()) {
-    build->runs[r].distortion = distortions.of_runs[r];
-  }
-  build->distortion_root = std::move(distortions.mode_root);
+  if (!posterior) return true;
+  SetDistortions(options, graph, *posterior, build);
   SolveContinuous(precise, build, solver);
+  return true;
 }
 
 }  // namespace shiftmap

@@ -1,10 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <Eigen/Core>
-
-#include "mapper/graph/graph_posterior.h"
-#include "mapper/graph/sensor_distortion.h"
+#include "mapper/graph/graph.h"
 #include "mapper/mapper_options.h"
 #include "mapper/state/build_state.h"
 
@@ -14,36 +11,21 @@ namespace shiftmap {
 /// unknowns.
 inline constexpr int kFunctionsAtOnce = 4;
 
-/// What a build says of the distortions of its vehicles' sensors.
-struct Distortions {
-  /// Those of a vehicle are alike.
-  IndexedVector<RunIndex, SensorDistortion> of_runs;
-
-  /// R, two rows a mode: what is unknown of the distortions adds R Rᵀ to the covariance of the
-  /// modes. [m]
-  Eigen::MatrixXd mode_root;
-};
-
-/// The distortions as unknowns beside those of a solved graph. With Φ the standardized residuals
-/// that functions orthonormal over a vehicle's observations lead to, each with the prior standard
-/// deviation s, and the residuals e:
+/// Solves a build, estimates the distortions of its vehicles' sensors, BuildRun::distortion, and
+/// solves it without them.
+///
+/// The distortions are additional unknowns, from which the solved graph is eliminated. Functions of
+/// range and bearing are orthonormal over the observations of a vehicle, and each has the prior
+/// standard deviation s. With Φ the standardized residuals that they lead to, and the residuals e:
 ///
 ///   Λ = Φᵀ (I - J H⁻¹ Jᵀ) Φ + s⁻² I,   a = Λ⁻¹ Φᵀ e,   R = H⁻¹ Jᵀ Φ Λ^(-1/2)
 ///
-/// s² is the share of the noise's variance, MapperOptions::distortion_share², divided among the
-/// functions: the polynomials of second degree without the errors that SensorBias has. What makes
-/// the map grow is left to the scale of ranges, which no run tells: the map's scale stays.
-/// Without calibration, or with a share of 0: none.
-/// @param graph      Of the build, solved.
-/// @param posterior  Of the graph.
-Distortions EstimateDistortions(const MapperOptions& options,
-                                const Graph& graph,
-                                const GraphPosterior& posterior,
-                                const BuildState& build);
-
-/// Solves a build, sets the distortion of each run, BuildState::distortion_root, and solves it
-/// again.
+/// R is BuildState::distortion_root. The variance MapperOptions::distortion_share², over that of
+/// the noise, is divided among the functions. These are the polynomials of second degree,
+/// orthogonal to the errors in SensorBias, each combined with the scale of ranges such that the
+/// size of the map stays: no run tells it.
 /// @param solver  What it keeps goes on from and to other solves of this build.
-void CalibrateDistortions(const MapperOptions& options, BuildState* build, GraphSolver* solver);
+/// @return  Whether the build was solved; not without calibration or with a share of 0.
+bool CalibrateDistortions(const MapperOptions& options, BuildState* build, GraphSolver* solver);
 
 }  // namespace shiftmap

@@ -110,6 +110,9 @@ class ObservationResidual {
                              const Eigen::Vector2d& p_map_landmark,
                              const SensorBias& bias) const;
 
+  /// R^(-1/2) dz, of changes dz of the observation.
+  Eigen::Matrix2d Whitened(const Eigen::Matrix2d& dz) const { return sqrt_information_ * dz; }
+
  private:
   const GraphObservation* observation_;
   Eigen::Matrix2d sqrt_information_;

@@ -11,16 +11,17 @@ namespace shiftmap {
 /// and bearing b it reads polynomials too much, in the range [m] and in the bearing [rad].
 /// Cartesian observations have the same errors along the ray and across it.
 struct SensorDistortion {
-  static constexpr int kMonomials = 7;
+  /// Products of r and b: kRBB is r b².
+  enum Monomial { kOne, kR, kB, kRR, kRB, kBB, kRBB, kMonomials };
   using Monomials = Eigen::Vector<double, kMonomials>;
 
-  /// (1, r, b, r², r b, b², r b²) of an observation, in metres and radians.
+  /// Of an observation, in metres and radians, in the order of Monomial.
   static Monomials MonomialsOf(const Observation& observation);
 
   /// By how much z changes with (range [m], bearing [rad]).
   static Eigen::Matrix2d DzDPolar(const Observation& observation);
 
-  /// Rows: range, bearing; columns as in MonomialsOf().
+  /// Rows: range, bearing; columns: Monomial.
   Eigen::Matrix<double, 2, kMonomials> coefficients = Eigen::Matrix<double, 2, kMonomials>::Zero();
 
   /// The observation as a sensor without distortion would have made it. No error is beyond half of

@@ -54,7 +54,7 @@ struct BuildRun {
   IndexedVector<FrameIndex, Se2> poses;  ///< T_map_vehicle at every key frame.
   OdometryCalibration odometry;          ///< As estimated for this run.
   SensorBias sensor_bias = SensorBias::Zero();
-  SensorDistortion distortion;  ///< That of its vehicle; found last (CalibrateDistortions).
+  SensorDistortion distortion;  ///< That of its vehicle; estimated last (CalibrateDistortions).
 
   double variance_factor = 1.0;  ///< As in GraphRun.
 
@@ -111,8 +111,11 @@ struct BuildState {
   /// What the scale of the prior map is uncertain by beside `priors` (RemoveScale).
   double sd_scale = 0.0;
 
-  MapDisagreement disagreement;     ///< As EstimateRunVariances() left it.
-  Eigen::MatrixXd distortion_root;  ///< Distortions::mode_root, or empty.
+  MapDisagreement disagreement;  ///< As EstimateRunVariances() left it.
+
+  /// R, two rows a mode: the uncertainty of the distortions adds R Rᵀ to the covariance of the
+  /// modes. Empty without them. [m]
+  Eigen::MatrixXd distortion_root;
 
   bool open = false;  ///< As in Graph.
 
