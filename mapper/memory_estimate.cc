@@ -135,8 +135,9 @@ std::int64_t EstimateBuildMemory(const BuildSize& size) {
   // Each function has errors, their residuals after the fit, and a step of the poses.
   const std::int64_t distortions = kFunctionsAtOnce * bytes(sizeof(double)) *
                                    ((2 + 1) * 3 * size.key_frames + 2 * 2 * size.observations);
-  return kProgram + kLogCopies * logs + kGraphCopies * graph + segments + joint + tiles + runs +
-         waiting + distortions;
+  const std::int64_t smooth = size.odometry_samples * bytes(sizeof(OdometrySample));
+  return kProgram + kLogCopies * logs + smooth + kGraphCopies * graph + segments + joint + tiles +
+         runs + waiting + distortions;
 }
 
 Status CheckBuildMemory(const BuildSize& size, std::int64_t max_memory_bytes) {

@@ -18,7 +18,7 @@ constexpr double kNothing = 1e12;
 class ByLag {
  public:
   ByLag(const MappingRun& run, const OdometryCalibration& calibration)
-      : odometry_(SmoothOdometry(run.odometry)),
+      : odometry_(run.smooth_odometry),
         step_s_(SamplePeriod(run.odometry)),
         sooner_(calibration),
         later_(calibration) {
@@ -35,7 +35,7 @@ class ByLag {
   }
 
  private:
-  std::vector<OdometrySample> odometry_;
+  const std::vector<OdometrySample>& odometry_;
   double step_s_;
   OdometryCalibration sooner_;
   OdometryCalibration later_;

@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "mapper/frontend/moving_visits.h"
+#include "mapper/frontend/smooth_odometry.h"
 #include "proto/core/check.h"
 
 namespace shiftmap {
@@ -86,6 +87,7 @@ MappingRun Arrange(const Run& run,
   MappingRun out;
   out.info = run.info;
   out.odometry = run.odometry;
+  out.smooth_odometry = SmoothOdometry(run.odometry);
   out.begin = BeginOf(run);
   out.end = EndOf(run);
   for (const Scan& scan : run.scans) {

@@ -47,6 +47,7 @@ struct MappingRun {
   std::string sha256;  ///< Of the log file.
   RunInfo info;
   std::vector<OdometrySample> odometry;
+  std::vector<OdometrySample> smooth_odometry;  ///< SmoothOdometry() of the whole log.
   std::vector<Stamp> scan_stamps;  ///< Of every scan, also of those without identified landmarks.
   IndexedVector<FrameIndex, KeyFrame> frames;
   IndexedVector<SightingIndex, Sighting> sightings;  ///< By frame.

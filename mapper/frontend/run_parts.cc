@@ -64,6 +64,7 @@ MappingRun PartOf(const MappingRun& run, FrameIndex first, FrameIndex last) {
   const Stamp begin = part.frames.front().stamp;
   const Stamp end = part.frames.back().stamp;
   part.odometry = OdometryBetween(run.odometry, begin, end);
+  part.smooth_odometry = OdometryBetween(run.smooth_odometry, begin, end);
   part.begin = std::min(begin, part.odometry.front().stamp);
   part.end = std::max(end, part.odometry.back().stamp);
   std::copy_if(run.scan_stamps.begin(),

@@ -8,6 +8,7 @@
 #include <cstddef>
 #include <vector>
 
+#include "mapper/frontend/smooth_odometry.h"
 #include "tests/unit/mapper/mapper_test_util.h"
 #include "tools/sim/random.h"
 
@@ -93,6 +94,7 @@ TEST(FrameMotions, NoiseOfSamplesTellsNothingOfTheLag) {
     sample.v_mps = 1.0 + Gaussian(0.1, &random);
     sample.omega_radps = 0.2 + Gaussian(0.05, &random);
   }
+  run.smooth_odometry = SmoothOdometry(run.odometry);
   for (const IntegratedMotion& motion : IntegrateMotions(run, {}).between_frames) {
     EXPECT_LT(motion.J_calibration.col(2).norm(), 0.01);
   }
