@@ -76,6 +76,27 @@ std::vector<ModeMerge> MergesIn(const ModeOptions& options,
   return differences ? FindMerges(options, *differences, build) : std::vector<ModeMerge>();
 }
 
+// A build before modes were merged.
+struct Unmerged {
+  BuildState build;
+  MergeMemory memory;
+  std::vector<ModeMerge> merges;
+};
+
+// Whether the modes that were merged cannot all be one place each, though any of them can: as where
+// half of the landmarks of a hall moved, which nothing else holds.
+bool MergesContradict(const Unmerged& before, const BuildState& merged) {
+  return merged.cost > before.build.cost + kModeCost * static_cast<double>(before.merges.size());
+}
+
+// The one of two modes that are nearest to each other.
+ModeMerge NearestOf(const std::vector<ModeMerge>& merges, const BuildState& build) {
+  return *std::ranges::min_element(merges, {}, [&](const ModeMerge& merge) {
+    const GroupModes& modes = build.modes[merge.group];
+    return (modes[merge.to].p_map_landmark - modes[merge.from].p_map_landmark).norm();
+  });
+}
+
 // Selection, mode creation, the continuous part and merging in turn. Returns the alternations.
 int Alternate(const MapperOptions& options,
               BuildState* build,
@@ -84,6 +105,7 @@ int Alternate(const MapperOptions& options,
   std::set<std::vector<int>> seen;
   std::vector<int> solved;
   MergeMemory memory(*build);
+  std::optional<Unmerged> unmerged;  // Of the last iteration.
   for (int iteration = 1; iteration <= options.max_outer_iterations; ++iteration) {
     if (build->runs.empty() || (on_step && !on_step(*build))) return iteration - 1;
     Select(options, build);
@@ -92,6 +114,7 @@ int Alternate(const MapperOptions& options,
     memory.MergeAgain(build);
     if (RemoveUnconstrainedRuns(build) > 0) {
       memory = MergeMemory(*build);
+      unmerged.reset();
       continue;
     }
     std::vector<int> state = DiscreteState(*build);
@@ -106,7 +129,16 @@ int Alternate(const MapperOptions& options,
     const bool recurs = !seen.insert(state).second;
     const Graph graph = SolveContinuous(options, build, solver);
     solved = state;
-    const std::vector<ModeMerge> merges = MergesIn(options.modes, graph, *build, solver);
+    std::vector<ModeMerge> merges;
+    if (unmerged && MergesContradict(*unmerged, *build)) {
+      *build = std::move(unmerged->build);
+      memory = std::move(unmerged->memory);
+      merges = {NearestOf(unmerged->merges, *build)};
+    } else {
+      merges = MergesIn(options.modes, graph, *build, solver);
+    }
+    unmerged.reset();
+    if (merges.size() > 1 && build->placed()) unmerged = {*build, memory, merges};
     build->modes_merged += static_cast<int>(merges.size());
     memory.Merge(merges, build);
     if (!merges.empty()) solved.clear();
