@@ -176,7 +176,7 @@ StatusOr<std::vector<RunMap>> MapRunsSingly(const std::vector<MappingRun>& runs,
   for (const BuildState& build : builds) names.push_back(build.runs.front().data->name);
   std::vector<std::optional<RunMap>> made(builds.size());
   ForEachIndex(builds.size(), options.threads, [&](std::size_t i) {
-    made[i] = MakeRunMap(alone, std::move(builds[i]));
+    made[i] = MakeUndistortedRunMap(alone, std::move(builds[i]));
   });
   std::vector<RunMap> run_maps;
   for (std::size_t i = 0; i < made.size(); ++i) {
@@ -272,6 +272,27 @@ int RefineAndRelocate(const MapperOptions& options,
   return iterations;
 }
 
+// The same with the noise as it is calibrated; it is asked again which runs are ambiguous where
+// that changes the mode of a visit.
+int RefineWithNoise(const MapperOptions& options,
+                    const StepCallback& on_step,
+                    BuildState* build,
+                    GraphSolver* solver) {
+  const auto assignments = [&] {
+    std::vector<IndexedVector<VisitIndex, OptionalMode>> of_runs;
+    for (const BuildRun& run : build->runs) of_runs.push_back(run.assignment);
+    return of_runs;
+  };
+  const auto before = assignments();
+  int iterations = RefineModes(options, build, solver, on_step);
+  if (assignments() == before) return iterations;
+  while (RemoveAmbiguousRun(options, build, on_step) && !build->runs.empty() &&
+         (!on_step || on_step(*build))) {
+    iterations += RefineModes(options, build, solver, on_step);
+  }
+  return iterations;
+}
+
 // Whether no run is left in the map and at least one waits.
 bool AllWait(const BuildState& build) { return build.runs.empty() && !build.waiting.empty(); }
 
@@ -287,6 +308,9 @@ Status RemoveUnsupported(const MapperOptions& options, BuildState* build) {
   return OkStatus();
 }
 
+// Of the last solve: both solvers are to make the same map, also where it is known badly. [-]
+constexpr double kMapCostTolerance = 1e-6;
+
 // What is discrete in all runs together, the noise and its correlation. Returns the outer
 // iterations.
 StatusOr<int> RefineTogether(const MapperOptions& options, Watch* watch, BuildState* build) {
@@ -299,21 +323,24 @@ StatusOr<int> RefineTogether(const MapperOptions& options, Watch* watch, BuildSt
   SHIFTMAP_RETURN_IF_ERROR(RemoveRunsOfNoMode(build));
   SHIFTMAP_RETURN_IF_ERROR(RemoveUnsupported(options, build));
   if (options.calibrate) {
+    DropDistortions(build);
+    SolveContinuous(options, build, &solver);
     build->sensor = EstimateDetection(*build, options.modes);
     CalibrateNoise(options, {}, build, &solver, watch->During("noise", 0.7));
     SHIFTMAP_RETURN_IF_ERROR(watch->status());
-    iterations += RefineModes(options, build, &solver, watch->During("all runs", 0.8));
+    iterations += RefineWithNoise(options, watch->During("all runs", 0.8), build, &solver);
     SHIFTMAP_RETURN_IF_ERROR(watch->status());
+    if (AllWait(*build)) return iterations;
     SHIFTMAP_RETURN_IF_ERROR(RemoveRunsOfNoMode(build));
   }
   if (RemoveImplausibleRuns(options.plausibility, build) > 0) {
     SHIFTMAP_RETURN_IF_ERROR(RemoveUntiedRuns(build));
     SolveContinuous(options, build);
   }
-  const bool reweighted = EstimateRunVariances(options, build);
-  if (!CalibrateDistortions(options, build, &solver) && reweighted) {
-    SolveContinuous(options, build, &solver);
-  }
+  EstimateRunVariances(options, build);
+  MapperOptions precise = options;
+  precise.solver.cost_tolerance = std::min(kMapCostTolerance, options.solver.cost_tolerance);
+  SolveWithDistortions(precise, build, &solver);
   return iterations;
 }
 
@@ -408,7 +435,7 @@ Status LinearizeWhatIsDetermined(const MapperOptions& options,
   if (!solved->posterior && RemoveUndeterminedRuns(options, build) > 0) {
     SHIFTMAP_RETURN_IF_ERROR(RemoveUntiedRuns(build));
     build->disagreement = {};  // These are of other runs and modes.
-    build->distortion_root = {};
+    DropDistortions(build);
     SolveContinuous(options, build);
     if (build->priors.empty()) AnchorFrame(build);
     Linearize(options, build, solved);

@@ -154,10 +154,6 @@ class DistortedResiduals {
   IndexedVector<ObservationIndex, Monomials> monomials_;
 };
 
-// Of a build with and without its distortions: both solvers are to make the same map, also where
-// these are known badly. [-]
-constexpr double kCostTolerance = 1e-7;
-
 // The normal equations of the amplitudes of functions, with all of a graph eliminated.
 struct AmplitudeSystem {
   Eigen::MatrixXd information;  // Φᵀ (I - J H⁻¹ Jᵀ) Φ
@@ -288,16 +284,24 @@ void SetDistortions(const MapperOptions& options,
 
 }  // namespace
 
-bool CalibrateDistortions(const MapperOptions& options, BuildState* build, GraphSolver* solver) {
-  if (!options.calibrate || options.distortion_share == 0.0) return false;
-  MapperOptions precise = options;
-  precise.solver.cost_tolerance = std::min(kCostTolerance, options.solver.cost_tolerance);
-  const Graph graph = SolveContinuous(precise, build, solver);
-  const std::unique_ptr<GraphPosterior> posterior = solver->Linearize(graph);
-  if (!posterior) return true;
-  SetDistortions(options, graph, *posterior, build);
-  SolveContinuous(precise, build, solver);
-  return true;
+void SolveWithDistortions(const MapperOptions& options, BuildState* build, GraphSolver* solver) {
+  DropDistortions(build);
+  if (options.calibrate && options.distortion_share > 0.0) {
+    const Graph graph = SolveContinuous(options, build, solver);
+    const std::unique_ptr<GraphPosterior> posterior = solver->Linearize(graph);
+    if (posterior) SetDistortions(options, graph, *posterior, build);
+  }
+  SolveContinuous(options, build, solver);
+}
+
+void SolveWithDistortions(const MapperOptions& options, BuildState* build) {
+  GraphSolver solver;
+  SolveWithDistortions(options, build, &solver);
+}
+
+void DropDistortions(BuildState* build) {
+  for (BuildRun& run : build->runs) run.distortion = {};
+  build->distortion_root = {};
 }
 
 }  // namespace shiftmap

@@ -11,8 +11,9 @@ namespace shiftmap {
 /// unknowns.
 inline constexpr int kFunctionsAtOnce = 4;
 
-/// Solves a build, estimates the distortions of its vehicles' sensors, BuildRun::distortion, and
-/// solves it without them.
+/// Solves a build with the distortions of its vehicles' sensors, BuildRun::distortion, taken off
+/// its observations. These are estimated anew; without calibration or with a share of 0 there are
+/// none.
 ///
 /// The distortions are additional unknowns, from which the solved graph is eliminated. Functions of
 /// range and bearing are orthonormal over the observations of a vehicle, and each has the prior
@@ -25,7 +26,12 @@ inline constexpr int kFunctionsAtOnce = 4;
 /// orthogonal to the errors in SensorBias, each combined with the scale of ranges such that the
 /// size of the map stays: no run tells it.
 /// @param solver  What it keeps goes on from and to other solves of this build.
-/// @return  Whether the build was solved; not without calibration or with a share of 0.
-bool CalibrateDistortions(const MapperOptions& options, BuildState* build, GraphSolver* solver);
+void SolveWithDistortions(const MapperOptions& options, BuildState* build, GraphSolver* solver);
+
+/// The same, and what the solver keeps is of no use.
+void SolveWithDistortions(const MapperOptions& options, BuildState* build);
+
+/// Forgets the distortions of a build.
+void DropDistortions(BuildState* build);
 
 }  // namespace shiftmap

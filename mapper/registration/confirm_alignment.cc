@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "mapper/alignment/rigid_bodies.h"
+#include "mapper/calibration/distortion_calibration.h"
 #include "mapper/registration/mode_match.h"
 #include "mapper/run_maps/variance_factor.h"
 
@@ -25,8 +26,8 @@ IndexedVector<ModeIndex, ModeIndex> ModesOfGroups(const BuildState& map,
   return modes;
 }
 
-// Modes of the map so far with their joint covariance; it is solved for that if its runs have only
-// been placed.
+// Modes of the map so far with their joint covariance; it is solved for that, as its runs may have
+// only been placed.
 // @param modes  Those of `groups`.
 std::optional<JointPoints> MapPoints(const MapperOptions& options,
                                      const std::optional<MapContent>& prior,
@@ -40,7 +41,7 @@ std::optional<JointPoints> MapPoints(const MapperOptions& options,
     for (const ModeIndex mode : modes) rows.push_back(mode.value());
     map.covariance = prior.value().covariance.Dense(rows);
   } else {
-    if (build.runs.size() > 1 || prior) SolveContinuous(options, &solved);
+    SolveWithDistortions(options, &solved);
     std::optional<Eigen::MatrixXd> covariance = CovarianceOfModes(options, modes, &solved);
     if (!covariance) return std::nullopt;
     const double factor = prior ? 1.0 : VarianceFactor(options, solved);

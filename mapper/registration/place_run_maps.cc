@@ -306,7 +306,7 @@ class RunMapPlacing {
     SolveContinuous(options_, &build);
     std::vector<std::string> names;
     for (const BuildRun& run : build.runs) names.push_back(run.data->name);
-    std::optional<RunMap> run_map = MakeRunMap(options_, std::move(build));
+    std::optional<RunMap> run_map = MakeUndistortedRunMap(options_, std::move(build));
     if (run_map) return run_map;
     for (std::string& name : names) rejected_->push_back({std::move(name), kUndeterminedReason});
     return std::nullopt;

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <utility>
 
+#include "mapper/calibration/distortion_calibration.h"
 #include "mapper/covariance/gauge.h"
 #include "mapper/graph/graph.h"
 #include "mapper/graph/graph_posterior.h"
@@ -28,6 +29,8 @@ std::optional<Eigen::MatrixXd> RunMapCovariance(const MapperOptions& options, Bu
   const Graph graph = MakeGraph(options, build);
   std::optional<Eigen::MatrixXd> covariance = ComputeModeCovariance(graph);
   if (!covariance) return std::nullopt;
+  const Eigen::MatrixXd& root = build->distortion_root;
+  if (root.cols() > 0) covariance->noalias() += root * root.transpose();
   return ReferToPositions(graph.modes, *std::move(covariance));
 }
 
@@ -44,8 +47,13 @@ std::optional<Eigen::MatrixXd> CovarianceOfModes(const MapperOptions& options,
     chosen.block<2, 2>(2 * modes[i], static_cast<Eigen::Index>(2 * i)).setIdentity();
     positions.push_back(graph.modes[modes[i]]);
   }
-  const Eigen::MatrixXd covariance = chosen.transpose() * posterior->ModeCovarianceTimes(chosen);
-  return ReferToPositions(positions, Symmetrized(covariance));
+  Eigen::MatrixXd covariance =
+      Symmetrized(chosen.transpose() * posterior->ModeCovarianceTimes(chosen));
+  if (build->distortion_root.cols() > 0) {
+    const Eigen::MatrixXd root = chosen.transpose() * build->distortion_root;
+    covariance.noalias() += root * root.transpose();
+  }
+  return ReferToPositions(positions, std::move(covariance));
 }
 
 std::optional<RunMap> MakeRunMap(const MapperOptions& options, BuildState build) {
@@ -61,6 +69,13 @@ std::optional<RunMap> MakeRunMap(const MapperOptions& options, BuildState build)
     }
   }
   return run_map;
+}
+
+std::optional<RunMap> MakeUndistortedRunMap(const MapperOptions& options, BuildState build) {
+  std::optional<RunMap> run_map = MakeRunMap(options, std::move(build));
+  if (!run_map || !IsStiff(*run_map, options.deformation)) return run_map;
+  SolveWithDistortions(options, &run_map->build);
+  return MakeRunMap(options, std::move(run_map->build));
 }
 
 }  // namespace shiftmap

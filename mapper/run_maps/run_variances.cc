@@ -24,9 +24,6 @@ namespace {
 // Of a run by itself, from where it is in the build. [-]
 constexpr double kCostTolerance = 1e-4;
 
-// Factors up to this one move the minimum by next to nothing.
-constexpr double kNegligible = 1.5;
-
 // What a run by itself tells of its variance.
 struct RunVariance {
   double factor = 1.0;
@@ -187,7 +184,7 @@ MapDisagreement MapDisagreementOf(const MapperOptions& mapper,
 
 }  // namespace
 
-bool EstimateRunVariances(const MapperOptions& options, BuildState* build) {
+void EstimateRunVariances(const MapperOptions& options, BuildState* build) {
   MapperOptions of_one = options;
   of_one.threads = 1;
   of_one.solver.cost_tolerance = std::max(kCostTolerance, options.solver.cost_tolerance);
@@ -205,11 +202,9 @@ bool EstimateRunVariances(const MapperOptions& options, BuildState* build) {
   if (flat.count() > kMaxJointModes) {
     in_weights = std::exchange(build->disagreement.factor, 1.0);
   }
-  double largest = 1.0;
   for (const RunIndex r : variances.indices()) {
     double& factor = build->runs[r].variance_factor;
     factor = (variances[r] ? variances[r]->factor : factor) * in_weights;
-    largest = std::max(largest, factor);
   }
   // Both are of the same moves.
   for (const auto& [mode, scatter] : VisitScatter(options.modes, *build, options.threads)) {
@@ -217,7 +212,6 @@ bool EstimateRunVariances(const MapperOptions& options, BuildState* build) {
         build->disagreement.of_modes.try_emplace(mode, Eigen::Matrix2d::Zero()).first->second;
     if (scatter.trace() > of_mode.trace()) of_mode = scatter;
   }
-  return largest > kNegligible;
 }
 
 }  // namespace shiftmap

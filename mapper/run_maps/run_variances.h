@@ -39,8 +39,8 @@ Disagreement DisagreementOf(const DisagreementOptions& options,
 /// the latter is in the factors of all runs. A run of fewer than three modes, or of more than
 /// ConfirmationOptions::max_modes, or that does not determine them by itself, has no factor of its
 /// own; all are taken to agree with one of the latter.
+/// The build is to be solved with them.
 /// @param build  Solved, with all factors 1.
-/// @return Whether the build is to be solved with them.
-bool EstimateRunVariances(const MapperOptions& options, BuildState* build);
+void EstimateRunVariances(const MapperOptions& options, BuildState* build);
 
 }  // namespace shiftmap

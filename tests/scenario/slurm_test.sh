@@ -77,7 +77,7 @@ done
 
 # Two areas, two nights.
 for area in floor hall; do
-  "$bin/shiftmap-sim" open "world-$area" --seed "${#area}" --shifts 4 --vehicles 2 --groups 10 \
+  "$bin/shiftmap-sim" open "world-$area" --seed "$((1 + ${#area}))" --shifts 4 --vehicles 2 --groups 10 \
     --size-m 20 --duration-s 40 --shift-interval-s 14400 --quiet >/dev/null
 done
 mkdir logs

@@ -85,7 +85,7 @@ StatusOr<std::vector<LayoutRun>> MapLayout(const std::string& dataset_dir, int d
     const MappingRun run = MakeMappingRun(recorded.run, signatures, options.front_end);
     std::vector<BuildState> builds = {MapSingleRun(run, signatures.size(), options)};
     RaiseNoiseByVehicle(&builds);
-    const std::optional<RunMap> run_map = MakeRunMap(options, std::move(builds.front()));
+    const std::optional<RunMap> run_map = MakeUndistortedRunMap(options, std::move(builds.front()));
     if (!run_map) continue;
     std::vector<PointPair> pairs;
     for (const AlignmentPoint& point : run_map->points) {

@@ -85,7 +85,7 @@ TEST(SensorDistortion, TakesOffHalfOfTheRangeAtMost) {
   EXPECT_EQ(distortion.Undistorted(seen).z, Eigen::Vector2d(2.0, -0.4));
 }
 
-TEST(CalibrateDistortions, MapsOfDistortedSensorsAreBetterAndKnowTheirErrors) {
+TEST(SolveWithDistortions, MapsOfDistortedSensorsAreBetterAndKnowTheirErrors) {
   for (const bool cartesian : {false, true}) {
     const testing::MapConsistency with = MapsOf(cartesian, MapperOptions().distortion_share);
     const testing::MapConsistency without = MapsOf(cartesian, 0.0);
@@ -95,7 +95,7 @@ TEST(CalibrateDistortions, MapsOfDistortedSensorsAreBetterAndKnowTheirErrors) {
   }
 }
 
-TEST(CalibrateDistortions, AreNoneWithoutCalibration) {
+TEST(SolveWithDistortions, AreNoneWithoutCalibration) {
   const SimulatedWorld world = DistortedWorld(1, false);
   MapperOptions options;
   options.calibrate = false;

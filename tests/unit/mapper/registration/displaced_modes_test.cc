@@ -56,8 +56,9 @@ MapContent MapOfFirstRun(const SimulatedWorld& world) {
 
 // The signatures of landmarks that got a mode beside the prior map's, or nothing.
 std::optional<std::set<std::string>> Displaced(const SimulatedWorld& world,
-                                               const MapContent& prior) {
-  const StatusOr<MapperResult> result = BuildMap({testing::Inputs(world)[1]}, prior, {});
+                                               const MapContent& prior,
+                                               const MapperOptions& options = {}) {
+  const StatusOr<MapperResult> result = BuildMap({testing::Inputs(world)[1]}, prior, options);
   if (!result.ok()) return std::nullopt;
   std::set<std::string> displaced;
   for (const LandmarkGroup& group : result->content.groups) {
@@ -74,6 +75,17 @@ TEST(FindDisplacedModes, ARunThatLostItsHeadingHasDisplacedNothing) {
           << turn_rad << " rad, seed " << seed;
     }
   }
+}
+
+// The run is far from the tangent on which its covariance is.
+TEST(FindDisplacedModes, ADeformedRunIsSolvedAgain) {
+  const SimulatedWorld world = TwoRooms(1, -0.5);
+  const MapContent prior = MapOfFirstRun(world);
+  MapperOptions options;
+  options.deformation.stiff_sd_m = 1e3;
+  EXPECT_EQ(Displaced(world, prior, options), std::set<std::string>());
+  options.deformation.max_linear_m = 1e3;
+  EXPECT_NE(Displaced(world, prior, options), std::set<std::string>());
 }
 
 TEST(FindDisplacedModes, WhatMovedIsFoundWhereTheRunLostItsHeading) {
