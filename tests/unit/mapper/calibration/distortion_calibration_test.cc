@@ -3,10 +3,17 @@
 
 #include <gtest/gtest.h>
 
+#include <Eigen/Eigenvalues>
 #include <cmath>
+#include <cstddef>
 #include <random>
+#include <vector>
 
+#include "mapper/run_maps/run_map.h"
+#include "mapper/run_maps/single_run.h"
+#include "mapstore/geometry/covariance.h"
 #include "mapstore/geometry/inner_constraints.h"
+#include "mapstore/run/trajectory.h"
 #include "tests/support/geometry_matchers.h"
 #include "tests/unit/mapper/mapper_test_util.h"
 
@@ -93,6 +100,54 @@ TEST(SolveWithDistortions, MapsOfDistortedSensorsAreBetterAndKnowTheirErrors) {
     EXPECT_LT(with.PerLandmark(), 0.5 * without.PerLandmark()) << cartesian;
     EXPECT_LT(with.PerLandmark(), 3.0) << cartesian;
   }
+}
+
+// The consistency of a run map's shape with the truth.
+testing::MapConsistency ConsistencyOf(const RunMap& run_map, const SimulatedWorld& world) {
+  std::vector<PointPair> pairs;
+  std::vector<Eigen::Vector2d> positions;
+  for (const AlignmentPoint& point : run_map.points) {
+    const auto group = static_cast<std::size_t>(point.group.value());
+    pairs.push_back({point.position, world.groups[group].modes.front()});
+    positions.push_back(point.position);
+  }
+  const Se2 T_map_world = AlignRigid2d(pairs).value();
+  Eigen::VectorXd errors(2 * std::ssize(pairs));
+  for (std::size_t i = 0; i < pairs.size(); ++i) {
+    errors.segment<2>(static_cast<Eigen::Index>(2 * i)) = pairs[i].p_a - T_map_world * pairs[i].p_b;
+  }
+  // No run tells how everything moves together, or grows.
+  Eigen::MatrixXd unknown(errors.size(), 4);
+  unknown << GaugeDirections(positions), OffsetsFromCentroid(positions).normalized();
+  const Eigen::MatrixXd projector =
+      Eigen::MatrixXd::Identity(errors.size(), errors.size()) - unknown * unknown.transpose();
+  errors = projector * errors;
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(
+      Symmetrized(projector * run_map.covariance * projector));
+  testing::MapConsistency result;
+  for (Eigen::Index i = unknown.cols(); i < errors.size(); ++i) {
+    result.nees += std::pow(solver.eigenvectors().col(i).dot(errors), 2) / solver.eigenvalues()[i];
+  }
+  result.dof = static_cast<int>(errors.size() - unknown.cols());
+  result.squared_error = errors.squaredNorm();
+  result.modes = static_cast<int>(positions.size());
+  return result;
+}
+
+TEST(MakeUndistortedRunMap, IsBetterAndKnowsItsErrors) {
+  const MapperOptions options;
+  testing::MapConsistency with;
+  testing::MapConsistency without;
+  for (std::uint64_t seed = 1; seed <= kWorlds; ++seed) {
+    const SimulatedWorld world = DistortedWorld(seed, false);
+    const MappingRun run = testing::Arrange(world, world.runs.front().run);
+    const BuildState build = MapSingleRun(run, world.groups.size(), options);
+    without.Add(ConsistencyOf(MakeRunMap(options, build).value(), world));
+    with.Add(ConsistencyOf(MakeUndistortedRunMap(options, build).value(), world));
+  }
+  EXPECT_LT(with.squared_error, 0.5 * without.squared_error);
+  EXPECT_LT(with.PerLandmark(), 0.5 * without.PerLandmark());
+  EXPECT_LT(with.PerLandmark(), 3.0);
 }
 
 TEST(SolveWithDistortions, AreNoneWithoutCalibration) {
