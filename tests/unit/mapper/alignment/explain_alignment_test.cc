@@ -608,8 +608,8 @@ TEST_F(SwappedRacksTest, WhatIsAssumedOfBodiesThatMoveDecides) {
     prior.*sd *= 10.0;
     double change = 0.0;
     for (const double turn_rad : {0.1, 0.3, 1.0}) {
-      change += std::abs(ExplainSwap(1, turn_rad, prior).frames.front().probability -
-                         ExplainSwap(1, turn_rad).frames.front().probability);
+      change += std::abs(ExplainSwap(2, turn_rad, prior).frames.front().probability -
+                         ExplainSwap(2, turn_rad).frames.front().probability);
     }
     EXPECT_GT(change, 1e-6);
   }
