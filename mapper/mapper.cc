@@ -328,10 +328,15 @@ StatusOr<int> RefineTogether(const MapperOptions& options, Watch* watch, BuildSt
     build->sensor = EstimateDetection(*build, options.modes);
     CalibrateNoise(options, {}, build, &solver, watch->During("noise", 0.7));
     SHIFTMAP_RETURN_IF_ERROR(watch->status());
+    const std::size_t runs = build->runs.size();
     iterations += RefineWithNoise(options, watch->During("all runs", 0.8), build, &solver);
     SHIFTMAP_RETURN_IF_ERROR(watch->status());
     if (AllWait(*build)) return iterations;
     SHIFTMAP_RETURN_IF_ERROR(RemoveRunsOfNoMode(build));
+    if (build->runs.size() < runs) {
+      SHIFTMAP_RETURN_IF_ERROR(RemoveUnsupported(options, build));
+      SolveContinuous(options, build, &solver);
+    }
   }
   if (RemoveImplausibleRuns(options.plausibility, build) > 0) {
     SHIFTMAP_RETURN_IF_ERROR(RemoveUntiedRuns(build));
@@ -435,8 +440,7 @@ Status LinearizeWhatIsDetermined(const MapperOptions& options,
   if (!solved->posterior && RemoveUndeterminedRuns(options, build) > 0) {
     SHIFTMAP_RETURN_IF_ERROR(RemoveUntiedRuns(build));
     build->disagreement = {};  // These are of other runs and modes.
-    DropDistortions(build);
-    SolveContinuous(options, build);
+    SolveWithDistortions(options, build);
     if (build->priors.empty()) AnchorFrame(build);
     Linearize(options, build, solved);
   }

@@ -85,8 +85,12 @@ struct Unmerged {
 
 // Whether the modes that were merged cannot all be one place each, though any of them can: as where
 // half of the landmarks of a hall moved, which nothing else holds.
-bool MergesContradict(const Unmerged& before, const BuildState& merged) {
-  return merged.cost > before.build.cost + kModeCost * static_cast<double>(before.merges.size());
+bool MergesContradict(const MapperOptions& options,
+                      const Unmerged& before,
+                      const BuildState& merged) {
+  const double unsolved = 2.0 * options.solver.cost_tolerance * before.build.cost;
+  return merged.cost >
+         before.build.cost + unsolved + kModeCost * static_cast<double>(before.merges.size());
 }
 
 // The one of two modes that are nearest to each other.
@@ -126,11 +130,13 @@ int Alternate(const MapperOptions& options,
       state = DiscreteState(*build);
     }
     // A state that comes again closes a cycle.
-    const bool recurs = !seen.insert(state).second;
+    bool recurs = !seen.insert(state).second;
     const Graph graph = SolveContinuous(options, build, solver);
     solved = state;
     std::vector<ModeMerge> merges;
-    if (unmerged && MergesContradict(*unmerged, *build)) {
+    if (unmerged && MergesContradict(options, *unmerged, *build)) {
+      seen.erase(state);  // It may come again.
+      recurs = false;
       *build = std::move(unmerged->build);
       memory = std::move(unmerged->memory);
       merges = {NearestOf(unmerged->merges, *build)};
@@ -138,7 +144,14 @@ int Alternate(const MapperOptions& options,
       merges = MergesIn(options.modes, graph, *build, solver);
     }
     unmerged.reset();
-    if (merges.size() > 1 && build->placed()) unmerged = {*build, memory, merges};
+    if (merges.size() > 1 && build->placed()) {
+      const bool is_last = recurs || iteration == options.max_outer_iterations;
+      if (is_last) {
+        merges = {NearestOf(merges, *build)};
+      } else {
+        unmerged = {*build, memory, merges};
+      }
+    }
     build->modes_merged += static_cast<int>(merges.size());
     memory.Merge(merges, build);
     if (!merges.empty()) solved.clear();

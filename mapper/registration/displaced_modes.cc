@@ -158,7 +158,8 @@ double Deformation(const MapperOptions& options,
 }
 
 // Where a run by itself has its modes, seen from where it is deformed: there its own cost pulls as
-// much as what deforms it, and to the other side. [m]
+// much as what deforms it, and to the other side. What it is deformed by does not change its
+// distortions. [m]
 IndexedVector<ModeIndex, Eigen::Vector2d> Undeformed(const std::vector<GraphPrior>& held,
                                                      const RunMap& run_map) {
   IndexedVector<ModeIndex, Eigen::Vector2d> positions = ModePositions(run_map.build);
@@ -167,7 +168,9 @@ IndexedVector<ModeIndex, Eigen::Vector2d> Undeformed(const std::vector<GraphPrio
     const ModeIndex mode = of_mode.modes.front();
     pull.segment<2>(2 * mode) = of_mode.information * (positions[mode] - of_mode.mean);
   }
-  const Eigen::VectorXd shift = run_map.covariance * pull;
+  Eigen::VectorXd shift = run_map.covariance * pull;
+  const Eigen::MatrixXd& root = run_map.build.distortion_root;
+  if (root.cols() > 0) shift -= ReferToPositions(positions, root * root.transpose()) * pull;
   for (const ModeIndex i : positions.indices()) positions[i] += shift.segment<2>(2 * i);
   return positions;
 }

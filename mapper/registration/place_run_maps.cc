@@ -5,6 +5,7 @@
 #include <set>
 #include <utility>
 
+#include "mapper/calibration/distortion_calibration.h"
 #include "mapper/modes/mode_refinement.h"
 #include "mapper/modes/unconstrained_runs.h"
 #include "mapper/registration/confirm_alignment.h"
@@ -303,6 +304,7 @@ class RunMapPlacing {
     const MappingRun* const first = map.first.build.runs.front().data;
     if (build.runs.size() == 1 && build.runs.front().data == first) return std::move(map.first);
     UpdateModes(options_, &build);
+    DropDistortions(&build);
     SolveContinuous(options_, &build);
     std::vector<std::string> names;
     for (const BuildRun& run : build.runs) names.push_back(run.data->name);

@@ -41,8 +41,8 @@ std::optional<Eigen::MatrixXd> CovarianceOfModes(const MapperOptions& options,
 /// @param build  Solved, as MapSingleRun() leaves it.
 std::optional<RunMap> MakeRunMap(const MapperOptions& options, BuildState build);
 
-/// The same, solved with the distortions of its sensors (SolveWithDistortions) if it is stiff. In a
-/// longer run these are little beside its odometry.
+/// The same, with the distortions of its sensors taken off (SolveWithDistortions) if it is stiff.
+/// In a longer run these are little beside its odometry.
 std::optional<RunMap> MakeUndistortedRunMap(const MapperOptions& options, BuildState build);
 
 }  // namespace shiftmap

@@ -114,7 +114,7 @@ struct BuildState {
   MapDisagreement disagreement;  ///< As EstimateRunVariances() left it.
 
   /// R, two rows a mode: the uncertainty of the distortions adds R Rᵀ to the covariance of the
-  /// modes. Empty without them. [m]
+  /// modes. Empty if they are not those of this build. [m]
   Eigen::MatrixXd distortion_root;
 
   bool open = false;  ///< As in Graph.

@@ -150,8 +150,8 @@ TEST_F(MovedLayoutsTest, ThreeRunsInOneLayoutAndOneInTheOtherAreRight) {
   }
 }
 
-// With the distortions of its sensor, and placed where most landmarks agree, a run of robot 4 is
-// 0.4 to 0.8 m wrong and bent to fit.
+// If the distortions of its sensor are left on, and it is placed where most landmarks agree, a run
+// of robot 4 is 0.4 to 0.8 m wrong and bent to fit.
 TEST_F(MovedLayoutsTest, AWrongPlaceThatIsForcedIsFoundOutByTheFit) {
   MapperOptions options;
   options.confirmation.enabled = false;

@@ -65,7 +65,7 @@ TEST(NeedsConfirmation, WithoutAConsensusItDoes) { EXPECT_TRUE(NeedsConfirmation
 
 RunMap MapOneRun(const SimulatedWorld& world, const MappingRun& run) {
   const MapperOptions options;
-  return MakeRunMap(options, MapSingleRun(run, world.groups.size(), options)).value();
+  return MakeUndistortedRunMap(options, MapSingleRun(run, world.groups.size(), options)).value();
 }
 
 // 150 landmarks with three modes each, twelve of which a run sees: half at their first mode, the
@@ -129,6 +129,7 @@ TEST(CovarianceOfModes, IsThatOfAllRelativeToTheChosen) {
   constexpr double kFloors = 1e-6;  // Of both, of a millimetre each. [m²]
   EXPECT_LT((ReferToPositions(positions, expected) - some).cwiseAbs().maxCoeff(), 2.0 * kFloors);
   EXPECT_GT(some.trace(), 100.0 * kFloors);
+  EXPECT_GT(run_map.build.distortion_root.norm(), 0.0);
 }
 
 }  // namespace
