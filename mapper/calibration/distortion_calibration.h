@@ -24,7 +24,7 @@ inline constexpr int kFunctionsAtOnce = 4;
 /// R is BuildState::distortion_root. The variance MapperOptions::distortion_share², over that of
 /// the noise, is divided among the functions. These are the polynomials of second degree,
 /// orthogonal to the errors in SensorBias, each combined with the scale of ranges such that the
-/// size of the map stays: no run tells it.
+/// size of the map stays: no run observes it.
 /// @param solver  What it keeps goes on from and to other solves of this build.
 void SolveWithDistortions(const MapperOptions& options, BuildState* build, GraphSolver* solver);
 

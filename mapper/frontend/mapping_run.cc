@@ -87,7 +87,6 @@ MappingRun Arrange(const Run& run,
   MappingRun out;
   out.info = run.info;
   out.odometry = run.odometry;
-  out.smooth_odometry = SmoothOdometry(run.odometry);
   out.begin = BeginOf(run);
   out.end = EndOf(run);
   for (const Scan& scan : run.scans) {
@@ -124,13 +123,15 @@ MappingRun MakeMappingRun(const Run& run,
     const MappingVisit& visit = all.visits[v];
     moving[SignatureOf(visit, signatures)].emplace(visit.begin, visit.end);
   }
-  if (moving.empty()) return all;
-  return Arrange(run, signatures, options, [&](Stamp stamp, const Signature& signature) {
+  const auto moves = [&](Stamp stamp, const Signature& signature) {
     const auto visits = moving.find(signature);
     if (visits == moving.end()) return false;
     const auto after = visits->second.upper_bound(stamp);
     return after != visits->second.begin() && stamp <= std::prev(after)->second;
-  });
+  };
+  MappingRun out = moving.empty() ? std::move(all) : Arrange(run, signatures, options, moves);
+  out.smooth_odometry = SmoothOdometry(out.odometry);
+  return out;
 }
 
 std::map<Signature, int> MovingSightings(const Run& run, const FrontEndOptions& options) {

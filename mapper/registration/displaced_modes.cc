@@ -158,8 +158,8 @@ double Deformation(const MapperOptions& options,
 }
 
 // Where a run by itself has its modes, seen from where it is deformed: there its own cost pulls as
-// much as what deforms it, and to the other side. What it is deformed by does not change its
-// distortions. [m]
+// much as what deforms it, and to the other side. The distortions are fixed while it is deformed.
+// [m]
 IndexedVector<ModeIndex, Eigen::Vector2d> Undeformed(const std::vector<GraphPrior>& held,
                                                      const RunMap& run_map) {
   IndexedVector<ModeIndex, Eigen::Vector2d> positions = ModePositions(run_map.build);

@@ -42,7 +42,7 @@ std::optional<Eigen::MatrixXd> CovarianceOfModes(const MapperOptions& options,
 std::optional<RunMap> MakeRunMap(const MapperOptions& options, BuildState build);
 
 /// The same, with the distortions of its sensors taken off (SolveWithDistortions) if it is stiff.
-/// In a longer run these are little beside its odometry.
+/// In a longer run the errors of its odometry are far larger.
 std::optional<RunMap> MakeUndistortedRunMap(const MapperOptions& options, BuildState build);
 
 }  // namespace shiftmap

@@ -345,22 +345,26 @@ void MapConsistency::Add(const MapConsistency& other) {
   modes += other.modes;
 }
 
-MapConsistency MeasureConsistency(const MapContent& content, const SimulatedWorld& world) {
-  constexpr int kGauge = 3;
-  const auto [positions, error] = ErrorsOf(content, world);
-  const Eigen::MatrixXd G = GaugeDirections(positions);
+MapConsistency ConsistencyOf(const Eigen::VectorXd& errors,
+                             const Eigen::MatrixXd& covariance,
+                             const Eigen::MatrixXd& unknown) {
   const Eigen::MatrixXd projector =
-      Eigen::MatrixXd::Identity(error.size(), error.size()) - G * G.transpose();
+      Eigen::MatrixXd::Identity(errors.size(), errors.size()) - unknown * unknown.transpose();
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(
-      Symmetrized(projector * content.covariance.Dense() * projector));
+      Symmetrized(projector * covariance * projector));
   MapConsistency result;
-  for (Eigen::Index i = kGauge; i < error.size(); ++i) {
-    result.nees += std::pow(solver.eigenvectors().col(i).dot(error), 2) / solver.eigenvalues()[i];
+  for (Eigen::Index i = unknown.cols(); i < errors.size(); ++i) {
+    result.nees += std::pow(solver.eigenvectors().col(i).dot(errors), 2) / solver.eigenvalues()[i];
   }
-  result.dof = static_cast<int>(error.size()) - kGauge;
-  result.squared_error = error.squaredNorm();
-  result.modes = static_cast<int>(positions.size());
+  result.dof = static_cast<int>(errors.size() - unknown.cols());
+  result.squared_error = errors.squaredNorm();
+  result.modes = static_cast<int>(errors.size() / 2);
   return result;
+}
+
+MapConsistency MeasureConsistency(const MapContent& content, const SimulatedWorld& world) {
+  const auto [positions, errors] = ErrorsOf(content, world);
+  return ConsistencyOf(errors, content.covariance.Dense(), GaugeDirections(positions));
 }
 
 void ExpectRightVariances(const MapConsistency& maps) {

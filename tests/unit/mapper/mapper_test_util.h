@@ -106,6 +106,13 @@ struct MapConsistency {
   void Add(const MapConsistency& other);
 };
 
+/// @param errors      Of positions, stacked (x, y). [m]
+/// @param covariance  Theirs. [m²]
+/// @param unknown     Directions that no run observes, orthonormal columns.
+MapConsistency ConsistencyOf(const Eigen::VectorXd& errors,
+                             const Eigen::MatrixXd& covariance,
+                             const Eigen::MatrixXd& unknown);
+
 MapConsistency MeasureConsistency(const MapContent& content, const SimulatedWorld& world);
 
 /// Expects the NEES within the 99.9 % interval of its χ², and that it would be outside of it with

@@ -3,7 +3,7 @@
 
 #include <gtest/gtest.h>
 
-#include <Eigen/Eigenvalues>
+#include <Eigen/Core>
 #include <cmath>
 #include <cstddef>
 #include <random>
@@ -11,7 +11,6 @@
 
 #include "mapper/run_maps/run_map.h"
 #include "mapper/run_maps/single_run.h"
-#include "mapstore/geometry/covariance.h"
 #include "mapstore/geometry/inner_constraints.h"
 #include "mapstore/run/trajectory.h"
 #include "tests/support/geometry_matchers.h"
@@ -103,7 +102,7 @@ TEST(SolveWithDistortions, MapsOfDistortedSensorsAreBetterAndKnowTheirErrors) {
 }
 
 // The consistency of a run map's shape with the truth.
-testing::MapConsistency ConsistencyOf(const RunMap& run_map, const SimulatedWorld& world) {
+testing::MapConsistency ShapeConsistencyOf(const RunMap& run_map, const SimulatedWorld& world) {
   std::vector<PointPair> pairs;
   std::vector<Eigen::Vector2d> positions;
   for (const AlignmentPoint& point : run_map.points) {
@@ -116,22 +115,11 @@ testing::MapConsistency ConsistencyOf(const RunMap& run_map, const SimulatedWorl
   for (std::size_t i = 0; i < pairs.size(); ++i) {
     errors.segment<2>(static_cast<Eigen::Index>(2 * i)) = pairs[i].p_a - T_map_world * pairs[i].p_b;
   }
-  // No run tells how everything moves together, or grows.
+  // A run observes neither the pose nor the scale of the whole.
   Eigen::MatrixXd unknown(errors.size(), 4);
   unknown << GaugeDirections(positions), OffsetsFromCentroid(positions).normalized();
-  const Eigen::MatrixXd projector =
-      Eigen::MatrixXd::Identity(errors.size(), errors.size()) - unknown * unknown.transpose();
-  errors = projector * errors;
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(
-      Symmetrized(projector * run_map.covariance * projector));
-  testing::MapConsistency result;
-  for (Eigen::Index i = unknown.cols(); i < errors.size(); ++i) {
-    result.nees += std::pow(solver.eigenvectors().col(i).dot(errors), 2) / solver.eigenvalues()[i];
-  }
-  result.dof = static_cast<int>(errors.size() - unknown.cols());
-  result.squared_error = errors.squaredNorm();
-  result.modes = static_cast<int>(positions.size());
-  return result;
+  errors -= unknown * (unknown.transpose() * errors);
+  return testing::ConsistencyOf(errors, run_map.covariance, unknown);
 }
 
 TEST(MakeUndistortedRunMap, IsBetterAndKnowsItsErrors) {
@@ -142,8 +130,8 @@ TEST(MakeUndistortedRunMap, IsBetterAndKnowsItsErrors) {
     const SimulatedWorld world = DistortedWorld(seed, false);
     const MappingRun run = testing::Arrange(world, world.runs.front().run);
     const BuildState build = MapSingleRun(run, world.groups.size(), options);
-    without.Add(ConsistencyOf(MakeRunMap(options, build).value(), world));
-    with.Add(ConsistencyOf(MakeUndistortedRunMap(options, build).value(), world));
+    without.Add(ShapeConsistencyOf(MakeRunMap(options, build).value(), world));
+    with.Add(ShapeConsistencyOf(MakeUndistortedRunMap(options, build).value(), world));
   }
   EXPECT_LT(with.squared_error, 0.5 * without.squared_error);
   EXPECT_LT(with.PerLandmark(), 0.5 * without.PerLandmark());
