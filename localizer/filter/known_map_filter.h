@@ -47,7 +47,7 @@ class KnownMapFilter {
   static constexpr int kMaxConsideredModes = 64;
 
   /// Standard deviation of the sensor's bias over that of its noise.
-  static constexpr double kBiasShare = 0.5;
+  static constexpr double kBiasShare = 0.7;
 
   /// Beyond these variances lose the digits that tell landmarks apart. [m], [rad]
   static constexpr double kMaxPositionSd = 1e4;

@@ -371,7 +371,8 @@ TEST(HypothesisBank, SightingsAtOnePlaceWeighAsTwoHypothesesByHand) {
     const double occluded = sensor.occluded_visit_probability;
     const double miss = LogMissedRun(missed + log_miss, occluded) - LogMissedRun(missed, occluded);
     missed += log_miss;
-    const double of_mode = group.modes[0].cov_p_map_landmark(0, 0) + 36.25 * variance;
+    constexpr double kOutlier = 36.0 + KnownMapFilter::kBiasShare * KnownMapFilter::kBiasShare;
+    const double of_mode = group.modes[0].cov_p_map_landmark(0, 0) + kOutlier * variance;
     const double ungated = LogAdd(
         log_false + miss, log_tail + log_density(p - group.modes[0].p_map_landmark, of_mode));
     mode += ungated;
@@ -403,8 +404,9 @@ int DecideOneVisit(const MapContent& content, double alpha, int truth, std::uint
   const SensorCalibration& sensor = content.calibration.sensor;
   const PoseWithCovariance start = AtOrigin(0.15);
   Se2 T_map_vehicle = Se2(0.15 * normal(random), 0.15 * normal(random), 0.02 * normal(random));
-  const Eigen::Vector2d bias(0.5 * sensor.sd_range_m * normal(random),
-                             0.5 * sensor.sd_bearing_rad * normal(random));
+  const Eigen::Vector2d bias =
+      KnownMapFilter::kBiasShare *
+      Eigen::Vector2d(sensor.sd_range_m * normal(random), sensor.sd_bearing_rad * normal(random));
   const Mode& mode = content.groups[0].modes[static_cast<std::size_t>(truth) - 1];
   const Eigen::Vector2d p =
       mode.p_map_landmark + 0.05 * Eigen::Vector2d(normal(random), normal(random));
