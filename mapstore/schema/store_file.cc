@@ -111,7 +111,15 @@ Status CheckNoSnapshot(Database& database) {
 
 Status Migrate(Database& database, std::int64_t from) {
   for (std::int64_t version = from; version < kSchemaVersion; ++version) {
-    SHIFTMAP_RETURN_IF_ERROR(database.Execute(kMigrations[static_cast<std::size_t>(version)]));
+    const Status migrated = database.Execute(kMigrations[static_cast<std::size_t>(version)]);
+    // The steps are right for their schema: SQL that fails is about another one.
+    if (migrated.code() == StatusCode::kInternal) {
+      return DataLoss("{}: damaged: its tables are not those of schema {}, its version: {}",
+                      database.name(),
+                      version,
+                      Message(migrated));
+    }
+    SHIFTMAP_RETURN_IF_ERROR(migrated);
     if (version + 1 != kChecksumSchema) continue;
     for (const char* const table : kChecksumTables) {
       SHIFTMAP_RETURN_IF_ERROR(SetChecksums(database, table));

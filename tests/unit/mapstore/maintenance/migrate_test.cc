@@ -388,6 +388,25 @@ TEST(MigrateDerivedTest, ASnapshotIsExportedAnew) {
   EXPECT_EQ(*HashFile(path), before);
 }
 
+// A header whose version is not that of the tables.
+TEST(MigrateDerivedTest, AVersionThatWasSetBackIsDamage) {
+  for (int version = 1; version < 10; ++version) {
+    SCOPED_TRACE(version);
+    const TempDir dir;
+    const std::string path = dir.File("a.db");
+    ASSERT_THAT(MapStore::Open(path, MapStore::Access::kReadWriteCreate), IsOk());
+    {
+      StatusOr<Database> database = Database::Open(path, {Database::Mode::kReadWrite});
+      ASSERT_THAT(database->Execute("PRAGMA user_version = " + std::to_string(version)), IsOk());
+    }
+    const std::string before = *HashFile(path);
+    EXPECT_THAT(MigrateStore(path, dir.File("b.db")),
+                StatusIs(StatusCode::kDataLoss, "damaged: its tables are not those of schema"));
+    EXPECT_EQ(*HashFile(path), before);
+    EXPECT_FALSE(std::filesystem::exists(dir.File("b.db")));
+  }
+}
+
 INSTANTIATE_TEST_SUITE_P(Schemas,
                          MigrateTest,
                          ::testing::Values(OldStore{1, 2, 28, 4},
