@@ -9,7 +9,6 @@
 #include <vector>
 
 #include "mapper/alignment/consensus.h"
-#include "mapper/calibration/distortion_calibration.h"
 #include "mapper/covariance/mode_covariance.h"
 #include "mapper/graph/graph.h"
 #include "mapper/graph/graph_segments.h"
@@ -132,12 +131,9 @@ std::int64_t EstimateBuildMemory(const BuildSize& size) {
   const std::int64_t segments = size.segment_boundary * kSegmentPoses * kSegmentRow +
                                 size.key_frames * kSegmentFactor +
                                 size.segment_pairs * kSegmentPair;
-  // Each function has errors, their residuals after the fit, and a step of the poses.
-  const std::int64_t distortions = kFunctionsAtOnce * bytes(sizeof(double)) *
-                                   ((2 + 1) * 3 * size.key_frames + 2 * 2 * size.observations);
   const std::int64_t smooth = size.odometry_samples * bytes(sizeof(OdometrySample));
   return kProgram + kLogCopies * logs + smooth + kGraphCopies * graph + segments + joint + tiles +
-         runs + waiting + distortions;
+         runs + waiting;
 }
 
 Status CheckBuildMemory(const BuildSize& size, std::int64_t max_memory_bytes) {

@@ -3,7 +3,6 @@
 
 #include <Eigen/Cholesky>
 #include <Eigen/Core>
-#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <map>
@@ -26,8 +25,7 @@ constexpr int kBearing = 1;
 
 using Monomials = SensorDistortion::Monomials;
 
-// Observations of each vehicle; of all under none.
-using ObservationsByVehicle = std::map<std::optional<std::size_t>, std::vector<ObservationIndex>>;
+using ObservationsByVehicle = std::map<std::size_t, std::vector<ObservationIndex>>;
 
 // One of a vehicle's sensor, of its range or its bearing.
 struct ErrorFunction {
@@ -100,58 +98,70 @@ void AppendFunctions(const MapperOptions& options,
   }
 }
 
-// The functions as standardized residuals: by how much an observation's change with (range,
-// bearing), times the root of its weight.
+// The functions as errors on standardized residuals.
 class DistortedResiduals {
  public:
-  // @param observations  Of the graph; both must outlive this.
-  DistortedResiduals(const Graph& graph, const ObservationsByVehicle& observations)
-      : graph_(graph), observations_(observations) {
-    const IndexedVector<RunIndex, RobustLoss> losses = LossesOf(graph);
-    for (const GraphObservation& item : graph.observations) {
-      const GraphRun& run = graph.runs[item.run];
-      const ObservationResidual residual(item);
-      const double squared = residual
-                                 .ResidualAt(run.poses[item.frame],
-                                             run.poses[item.frame].Rotation(),
-                                             graph.modes[item.mode],
-                                             run.sensor_bias)
-                                 .squaredNorm();
-      by_polar_.push_back(std::sqrt(losses[item.run].Curvature(squared)) *
-                          residual.Whitened(SensorDistortion::DzDPolar(item.observation)));
-      monomials_.push_back(SensorDistortion::MonomialsOf(item.observation));
+  // @param functions  Those of each vehicle, and last one of all.
+  // @param vehicles   Of the runs of the graph, which must outlive this, as the functions must.
+  DistortedResiduals(const Graph& graph,
+                     const std::vector<ErrorFunction>& functions,
+                     const IndexedVector<RunIndex, std::size_t>& vehicles)
+      : graph_(graph), functions_(functions), losses_(LossesOf(graph)) {
+    errors_.amplitudes = std::ssize(functions);
+    for (const RunIndex r : graph.runs.indices()) {
+      std::vector<Eigen::Index>& of_run = errors_.of_run.emplace_back();
+      for (std::size_t k = 0; k < functions.size(); ++k) {
+        const std::optional<std::size_t> vehicle = functions[k].vehicle;
+        if (!vehicle || vehicle == vehicles[r]) of_run.push_back(static_cast<Eigen::Index>(k));
+      }
     }
+    errors_.of_observation = [this](ObservationIndex i) { return At(i); };
   }
 
-  GraphResiduals Of(const ErrorFunction& function) const {
-    GraphResiduals residuals;
-    for (const GraphRun& run : graph_.runs) {
-      residuals.motions.push_back(Eigen::Matrix3Xd::Zero(3, std::ssize(run.motions)));
-    }
-    residuals.observations.setZero(2, std::ssize(graph_.observations));
-    for (const ObservationIndex i : observations_.at(function.vehicle)) {
-      residuals.observations.col(i.value()) = At(function, i);
-    }
-    return residuals;
-  }
+  DistortedResiduals(const DistortedResiduals&) = delete;
+  DistortedResiduals& operator=(const DistortedResiduals&) = delete;
 
-  double Dot(const ErrorFunction& function, const GraphResiduals& residuals) const {
-    double sum = 0.0;
-    for (const ObservationIndex i : observations_.at(function.vehicle)) {
-      sum += At(function, i).dot(residuals.observations.col(i.value()));
+  const LinearErrors& errors() const { return errors_; }
+
+  // Φᵀ e.
+  Eigen::VectorXd Gradient() const {
+    const GraphResiduals present = PresentResiduals(graph_);
+    Eigen::VectorXd gradient = Eigen::VectorXd::Zero(errors_.amplitudes);
+    for (const ObservationIndex i : graph_.observations.indices()) {
+      gradient(errors_.of_run[graph_.observations[i].run]) +=
+          At(i).transpose() * present.observations.col(i.value());
     }
-    return sum;
+    return gradient;
   }
 
  private:
-  Eigen::Vector2d At(const ErrorFunction& function, ObservationIndex i) const {
-    return by_polar_[i].col(function.row) * function.coefficients.dot(monomials_[i]);
+  // By how much an observation changes with (range, bearing), times the root of its weight.
+  Eigen::Matrix2Xd At(ObservationIndex i) const {
+    const GraphObservation& item = graph_.observations[i];
+    const GraphRun& run = graph_.runs[item.run];
+    const ObservationResidual residual(item);
+    const Se2& pose = run.poses[item.frame];
+    const double squared =
+        residual.ResidualAt(pose, pose.Rotation(), graph_.modes[item.mode], run.sensor_bias)
+            .squaredNorm();
+    const Eigen::Matrix2d by_polar =
+        std::sqrt(losses_[item.run].Curvature(squared)) *
+        residual.Whitened(SensorDistortion::DzDPolar(item.observation));
+    const Monomials monomials = SensorDistortion::MonomialsOf(item.observation);
+    const std::vector<Eigen::Index>& of_run = errors_.of_run[item.run];
+    Eigen::Matrix2Xd columns(2, std::ssize(of_run));
+    for (std::size_t k = 0; k < of_run.size(); ++k) {
+      const ErrorFunction& function = functions_[static_cast<std::size_t>(of_run[k])];
+      columns.col(static_cast<Eigen::Index>(k)) =
+          by_polar.col(function.row) * function.coefficients.dot(monomials);
+    }
+    return columns;
   }
 
   const Graph& graph_;
-  const ObservationsByVehicle& observations_;
-  IndexedVector<ObservationIndex, Eigen::Matrix2d> by_polar_;
-  IndexedVector<ObservationIndex, Monomials> monomials_;
+  const std::vector<ErrorFunction>& functions_;
+  const IndexedVector<RunIndex, RobustLoss> losses_;
+  LinearErrors errors_;
 };
 
 // The normal equations of the amplitudes of functions, with all of a graph eliminated.
@@ -161,34 +171,10 @@ struct AmplitudeSystem {
   Eigen::MatrixXd mode_steps;   // H⁻¹ Jᵀ Φ
 };
 
-AmplitudeSystem EliminateGraph(const Graph& graph,
-                               const GraphPosterior& posterior,
-                               const DistortedResiduals& distorted,
-                               const std::vector<ErrorFunction>& functions) {
-  const GraphResiduals present = PresentResiduals(graph);
-  const Eigen::Index size = std::ssize(functions);
-  AmplitudeSystem system{Eigen::MatrixXd(size, size),
-                         Eigen::VectorXd(size),
-                         Eigen::MatrixXd(2 * graph.modes.end_index(), size)};
-  for (std::size_t k = 0; k < functions.size(); ++k) {
-    system.gradient[static_cast<Eigen::Index>(k)] = distorted.Dot(functions[k], present);
-  }
-  for (std::size_t first = 0; first < functions.size(); first += kFunctionsAtOnce) {
-    std::vector<GraphResiduals> errors;
-    for (std::size_t k = first; k < std::min(functions.size(), first + kFunctionsAtOnce); ++k) {
-      errors.push_back(distorted.Of(functions[k]));
-    }
-    const GraphPosterior::Fit fit = posterior.FitTo(std::move(errors));
-    const auto column = static_cast<Eigen::Index>(first);
-    system.mode_steps.middleCols(column, fit.mode_steps.cols()) = fit.mode_steps;
-    for (Eigen::Index row = 0; row < size; ++row) {
-      for (std::size_t k = 0; k < fit.left.size(); ++k) {
-        system.information(row, column + static_cast<Eigen::Index>(k)) =
-            distorted.Dot(functions[static_cast<std::size_t>(row)], fit.left[k]);
-      }
-    }
-  }
-  return system;
+AmplitudeSystem EliminateGraph(const GraphPosterior& posterior,
+                               const DistortedResiduals& distorted) {
+  GraphPosterior::ErrorFit fit = posterior.FitErrors(distorted.errors());
+  return {std::move(fit.information), distorted.Gradient(), std::move(fit.mode_steps)};
 }
 
 // By how much each function makes the map grow, as the scale of all ranges does. [-]
@@ -225,7 +211,6 @@ ObservationsByVehicle GroupByVehicle(const Graph& graph,
   ObservationsByVehicle observations;
   for (const ObservationIndex i : graph.observations.indices()) {
     observations[vehicles[graph.observations[i].run]].push_back(i);
-    observations[std::nullopt].push_back(i);
   }
   return observations;
 }
@@ -237,24 +222,24 @@ std::vector<ErrorFunction> FunctionsOf(const MapperOptions& options,
                                        const ObservationsByVehicle& observations) {
   std::vector<ErrorFunction> functions;
   for (const auto& [vehicle, of_vehicle] : observations) {
-    if (vehicle) AppendFunctions(options, sensor, graph, of_vehicle, *vehicle, &functions);
+    AppendFunctions(options, sensor, graph, of_vehicle, vehicle, &functions);
   }
   functions.push_back({std::nullopt, kRange, Monomials::Unit(SensorDistortion::kR), 0.0});
   return functions;
 }
 
-// Sets the distortions of a build, which its graph does not have yet.
-// @param posterior  Of the graph.
-void SetDistortions(const MapperOptions& options,
-                    const Graph& graph,
-                    const GraphPosterior& posterior,
-                    BuildState* build) {
+}  // namespace
+
+void EstimateDistortions(const MapperOptions& options,
+                         const Graph& graph,
+                         const GraphPosterior& posterior,
+                         BuildState* build) {
+  if (!options.calibrate || options.distortion_share == 0.0) return;
   const IndexedVector<RunIndex, std::size_t> vehicles = VehicleOfRun(*build);
-  const ObservationsByVehicle observations = GroupByVehicle(graph, vehicles);
   const std::vector<ErrorFunction> functions =
-      FunctionsOf(options, build->sensor, graph, observations);
+      FunctionsOf(options, build->sensor, graph, GroupByVehicle(graph, vehicles));
   const AmplitudeSystem all =
-      EliminateGraph(graph, posterior, DistortedResiduals(graph, observations), functions);
+      EliminateGraph(posterior, DistortedResiduals(graph, functions, vehicles));
   const Eigen::Index size = std::ssize(functions) - 1;
   const Eigen::VectorXd growth = GrowthOf(graph, all.mode_steps.leftCols(size));
   const AmplitudeSystem system = WithoutGrowth(all, growth);
@@ -282,14 +267,12 @@ void SetDistortions(const MapperOptions& options,
   }
 }
 
-}  // namespace
-
 void SolveWithDistortions(const MapperOptions& options, BuildState* build, GraphSolver* solver) {
   DropDistortions(build);
   if (options.calibrate && options.distortion_share > 0.0) {
     const Graph graph = SolveContinuous(options, build, solver);
     const std::unique_ptr<GraphPosterior> posterior = solver->Linearize(graph);
-    if (posterior) SetDistortions(options, graph, *posterior, build);
+    if (posterior) EstimateDistortions(options, graph, *posterior, build);
   }
   SolveContinuous(options, build, solver);
 }

@@ -2,18 +2,14 @@
 #pragma once
 
 #include "mapper/graph/graph.h"
+#include "mapper/graph/graph_posterior.h"
 #include "mapper/mapper_options.h"
 #include "mapper/state/build_state.h"
 
 namespace shiftmap {
 
-/// Functions that are fitted at a time: each takes as much memory as all residuals and all
-/// unknowns.
-inline constexpr int kFunctionsAtOnce = 4;
-
-/// Solves a build with the distortions of its vehicles' sensors, BuildRun::distortion, taken off
-/// its observations. These are estimated anew; without calibration or with a share of 0 there are
-/// none.
+/// Estimates the distortions of the sensors of a build's vehicles, BuildRun::distortion. Without
+/// calibration or with a share of 0 there are none.
 ///
 /// The distortions are additional unknowns, from which the solved graph is eliminated. Functions of
 /// range and bearing are orthonormal over the observations of a vehicle, and each has the prior
@@ -25,6 +21,14 @@ inline constexpr int kFunctionsAtOnce = 4;
 /// the noise, is divided among the functions. These are the polynomials of second degree,
 /// orthogonal to the errors in SensorBias, each combined with the scale of ranges such that the
 /// size of the map stays: no run observes it.
+/// @param graph      Of the build, solved without distortions.
+/// @param posterior  Of the graph.
+void EstimateDistortions(const MapperOptions& options,
+                         const Graph& graph,
+                         const GraphPosterior& posterior,
+                         BuildState* build);
+
+/// Solves a build with its distortions, which are estimated anew, taken off its observations.
 /// @param solver  What it keeps goes on from and to other solves of this build.
 void SolveWithDistortions(const MapperOptions& options, BuildState* build, GraphSolver* solver);
 

@@ -142,6 +142,10 @@ std::unique_ptr<GraphPosterior> LinearizeForMap(const Graph& graph) {
                         IsTiled(graph) ? TileModes(graph.modes, kTileModes) : std::vector<Modes>());
 }
 
+void AddDistortions(const Eigen::MatrixXd& root, Eigen::MatrixXd* covariance) {
+  if (root.cols() > 0) covariance->noalias() += root * root.transpose();
+}
+
 JointCovariance MapCovariance(const Graph& graph,
                               const GraphPosterior& posterior,
                               double sd_scale,
@@ -152,7 +156,7 @@ JointCovariance MapCovariance(const Graph& graph,
   if (disagreement.factor > 1.0) {
     P += (disagreement.factor - 1.0) * (P - P * PriorInformation(graph) * P);
   }
-  if (distortion.cols() > 0) P.noalias() += distortion * distortion.transpose();
+  AddDistortions(distortion, &P);
   Eigen::MatrixXd cov =
       AddScaleUncertainty(graph.modes, sd_scale, ReferToPositions(graph.modes, std::move(P)));
   for (const auto& [mode, of_mode] : disagreement.of_modes) {

@@ -71,6 +71,10 @@ struct MapDisagreement {
 /// computer has. Precondition: every mode is observed or in the prior.
 std::unique_ptr<GraphPosterior> LinearizeForMap(const Graph& graph);
 
+/// Adds what distortions are uncertain by.
+/// @param root  Two rows a mode (BuildState::distortion_root), or empty. [m]
+void AddDistortions(const Eigen::MatrixXd& root, Eigen::MatrixXd* covariance);
+
 /// Covariance of a graph's modes as a map has it, in the order of Graph::modes. [m²]
 ///
 /// It is referred to the positions as a whole (ReferToPositions), and has what no run tells of the

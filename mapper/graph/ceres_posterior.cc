@@ -137,17 +137,18 @@ std::vector<GraphResiduals> CeresPosterior::DrawFitResiduals(int count,
   return draws;
 }
 
-GraphPosterior::Fit CeresPosterior::FitTo(std::vector<GraphResiduals> errors) const {
-  Fit fit;
-  fit.mode_steps.resize(ModeRows(), std::ssize(errors));
-  Eigen::Index column = 0;
-  for (const GraphResiduals& error : errors) {
-    const Eigen::VectorXd rows = RowsOf(error, J_.rows());
-    const Eigen::VectorXd step = factor_.solve(J_.transpose() * rows);
-    fit.mode_steps.col(column++) = step.tail(ModeRows());
-    fit.left.push_back(ResidualsOf(graph_, rows - J_ * step));
+GraphPosterior::ErrorFit CeresPosterior::FitErrors(const LinearErrors& errors) const {
+  Eigen::MatrixXd E = Eigen::MatrixXd::Zero(J_.rows(), errors.amplitudes);
+  Eigen::Index row = 0;
+  for (const GraphRun& run : graph_.runs) row += 3 * std::ssize(run.motions);
+  for (const ObservationIndex i : graph_.observations.indices()) {
+    const std::vector<Eigen::Index>& columns = errors.of_run[graph_.observations[i].run];
+    E(Eigen::seqN(row + 2 * i, 2), columns) = errors.of_observation(i);
   }
-  return fit;
+  const Eigen::MatrixXd right = J_.transpose() * E;
+  const Eigen::MatrixXd steps = factor_.solve(right);
+  const Eigen::MatrixXd information = E.transpose() * E - right.transpose() * steps;
+  return {Symmetrized(information), steps.bottomRows(ModeRows())};
 }
 
 Eigen::MatrixXd CeresPosterior::ModeStepsByBlock(const GraphResiduals& residuals,

@@ -19,7 +19,7 @@ class CeresPosterior final : public GraphPosterior {
                                             std::vector<std::vector<ModeIndex>> required_sets);
 
   std::vector<GraphResiduals> DrawFitResiduals(int count, std::mt19937_64& random) const override;
-  Fit FitTo(std::vector<GraphResiduals> errors) const override;
+  ErrorFit FitErrors(const LinearErrors& errors) const override;
   Eigen::MatrixXd ModeStepsByBlock(const GraphResiduals& residuals,
                                    const FrameBlocks& block_of_frame,
                                    int blocks) const override;

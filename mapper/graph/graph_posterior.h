@@ -18,6 +18,15 @@ struct GraphResiduals {
   Eigen::Matrix2Xd observations;                      ///< A column each.
 };
 
+/// Errors on the standardized residuals of observations, by amplitudes of which each run has some.
+struct LinearErrors {
+  Eigen::Index amplitudes = 0;
+  IndexedVector<RunIndex, std::vector<Eigen::Index>> of_run;  ///< Each at most once.
+
+  /// E: by how much the residual changes, a column for each of its run's amplitudes.
+  std::function<Eigen::Matrix2Xd(ObservationIndex)> of_observation;
+};
+
 /// The block of each key frame, from 0 on: its observations and the motion to the next.
 using FrameBlocks = IndexedVector<RunIndex, IndexedVector<FrameIndex, int>>;
 
@@ -32,12 +41,12 @@ class GraphPosterior {
   virtual std::vector<GraphResiduals> DrawFitResiduals(int count,
                                                        std::mt19937_64& random) const = 0;
 
-  /// What the fit makes of errors on the standardized residuals.
-  struct Fit {
-    Eigen::MatrixXd mode_steps;        ///< H⁻¹ Jᵀ e, two rows a mode, a column each. [m]
-    std::vector<GraphResiduals> left;  ///< e - J H⁻¹ Jᵀ e.
+  /// What the fit makes of such errors: the graph eliminated from their normal equations.
+  struct ErrorFit {
+    Eigen::MatrixXd information;  ///< Eᵀ (I - J H⁻¹ Jᵀ) E.
+    Eigen::MatrixXd mode_steps;   ///< H⁻¹ Jᵀ E, two rows a mode, a column an amplitude. [m]
   };
-  virtual Fit FitTo(std::vector<GraphResiduals> errors) const = 0;
+  virtual ErrorFit FitErrors(const LinearErrors& errors) const = 0;
 
   /// The steps of the modes, H⁻¹ J_bᵀ e_b, that the residuals of each block by themselves lead to;
   /// two rows a mode, a column a block. [m]

@@ -38,23 +38,32 @@ class SchurPosterior::Gradients {
     boundary_.block<4, 1>(kCorrectionColumn, column) += linear.J_calibration.transpose() * noise;
   }
 
+  // @param noise  A column each, from `column` on.
+  template <typename Noise>
   void AddObservation(Eigen::Index column,
                       FrameIndex frame,
                       int mode_column,
                       const ObservationResidual::Linear& linear,
-                      const Eigen::Vector2d& noise) {
+                      const Noise& noise) {
+    constexpr int kColumns = Noise::ColsAtCompileTime;
+    const Eigen::Index columns = noise.cols();
     AddPose(column, frame, linear.J_pose.transpose() * noise);
-    boundary_.block<3, 1>(kBiasColumn, column) += linear.J_bias.transpose() * noise;
-    boundary_.block<2, 1>(mode_column, column) += linear.J_landmark.transpose() * noise;
+    boundary_.block<3, kColumns>(kBiasColumn, column, 3, columns) +=
+        linear.J_bias.transpose() * noise;
+    boundary_.block<2, kColumns>(mode_column, column, 2, columns) +=
+        linear.J_landmark.transpose() * noise;
   }
 
  private:
-  void AddPose(Eigen::Index column, FrameIndex frame, const Eigen::Vector3d& gradient) {
+  template <typename Gradient>
+  void AddPose(Eigen::Index column, FrameIndex frame, const Gradient& gradient) {
+    constexpr int kColumns = Gradient::ColsAtCompileTime;
+    const Eigen::Index columns = gradient.cols();
     const SegmentVariable at = PoseVariable(segment_, frame);
     if (at.pose >= 0) {
-      poses_.block<3, 1>(Eigen::Index{3} * at.pose, column) += gradient;
+      poses_.block<3, kColumns>(Eigen::Index{3} * at.pose, column, 3, columns) += gradient;
     } else {
-      boundary_.block<3, 1>(at.column, column) += gradient;
+      boundary_.block<3, kColumns>(at.column, column, 3, columns) += gradient;
     }
   }
 
@@ -93,21 +102,13 @@ Eigen::MatrixXd SchurPosterior::SolveNoise(const AddNoise& add_noise,
 std::vector<ResidualSample> SchurPosterior::SampleResiduals(int count,
                                                             std::mt19937_64& random) const {
   RandomSigns signs(&random);
-  std::vector<GraphResiduals> noise(static_cast<std::size_t>(count));
-  for (GraphResiduals& of_sample : noise) {
+  std::vector<ResidualSample> samples(static_cast<std::size_t>(count));
+  for (ResidualSample& sample : samples) {
     for (const GraphRun& run : graph_.runs) {
-      signs.Fill(std::ssize(run.motions), &of_sample.motions.emplace_back());
+      signs.Fill(std::ssize(run.motions), &sample.noise.motions.emplace_back());
     }
-    signs.Fill(std::ssize(graph_.observations), &of_sample.observations);
+    signs.Fill(std::ssize(graph_.observations), &sample.noise.observations);
   }
-  return StepsOf(std::move(noise), PriorNoise(count, random));
-}
-
-std::vector<ResidualSample> SchurPosterior::StepsOf(std::vector<GraphResiduals> noise,
-                                                    Eigen::MatrixXd priors) const {
-  std::vector<ResidualSample> samples;
-  for (GraphResiduals& of_sample : noise) samples.push_back({std::move(of_sample), {}});
-  const Eigen::Index count = std::ssize(samples);
   const auto add_noise = [&](const GraphSegment& segment, Gradients* gradients) {
     system_.linearizer().Visit(
         segment,
@@ -124,16 +125,17 @@ std::vector<ResidualSample> SchurPosterior::StepsOf(std::vector<GraphResiduals> 
           const FrameIndex frame = graph_.observations[index].frame;
           for (Eigen::Index k = 0; k < count; ++k) {
             const GraphResiduals& of_sample = samples[static_cast<std::size_t>(k)].noise;
-            gradients->AddObservation(k,
-                                      frame,
-                                      segment.mode_columns[i],
-                                      linear,
-                                      root * of_sample.observations.col(index.value()));
+            gradients->AddObservation(
+                k,
+                frame,
+                segment.mode_columns[i],
+                linear,
+                Eigen::Vector2d(root * of_sample.observations.col(index.value())));
           }
         });
   };
   std::vector<PoseRows> inside;
-  const Eigen::MatrixXd reduced = SolveNoise(add_noise, std::move(priors), &inside);
+  const Eigen::MatrixXd reduced = SolveNoise(add_noise, PriorNoise(count, random), &inside);
   for (Eigen::Index k = 0; k < count; ++k) {
     samples[static_cast<std::size_t>(k)].step =
         system_.Complete(reduced.col(k), [&](std::size_t i, const Eigen::VectorXd& boundary) {
@@ -143,14 +145,10 @@ std::vector<ResidualSample> SchurPosterior::StepsOf(std::vector<GraphResiduals> 
   return samples;
 }
 
+// ε - J x of each sample.
 std::vector<GraphResiduals> SchurPosterior::DrawFitResiduals(int count,
                                                              std::mt19937_64& random) const {
-  return FitResiduals(SampleResiduals(count, random));
-}
-
-// ε - J x of each sample.
-std::vector<GraphResiduals> SchurPosterior::FitResiduals(
-    const std::vector<ResidualSample>& samples) const {
+  const std::vector<ResidualSample> samples = SampleResiduals(count, random);
   std::vector<GraphResiduals> left;
   for (const ResidualSample& sample : samples) left.push_back(sample.noise);
   for (const GraphSegment& segment : system_.segments().all()) {
@@ -184,13 +182,53 @@ std::vector<GraphResiduals> SchurPosterior::FitResiduals(
   return left;
 }
 
-GraphPosterior::Fit SchurPosterior::FitTo(std::vector<GraphResiduals> errors) const {
-  Eigen::MatrixXd no_priors = Eigen::MatrixXd::Zero(factor_->size(), std::ssize(errors));
-  const std::vector<ResidualSample> samples = StepsOf(std::move(errors), std::move(no_priors));
-  Fit fit{Eigen::MatrixXd(ModeRows(), std::ssize(samples)), FitResiduals(samples)};
-  Eigen::Index column = 0;
-  for (const ResidualSample& sample : samples) fit.mode_steps.col(column++) = sample.step.modes;
-  return fit;
+// Eᵀ E less what each elimination takes: that of a segment's poses, then that of the rest.
+GraphPosterior::ErrorFit SchurPosterior::FitErrors(const LinearErrors& errors) const {
+  struct Eliminated {
+    Eigen::MatrixXd information;
+    Eigen::MatrixXd boundary;
+  };
+  const std::vector<GraphSegment>& segments = system_.segments().all();
+  std::vector<Eliminated> eliminated(segments.size());
+  ForEachIndex(segments.size(), graph_.threads, [&](std::size_t s) {
+    const GraphSegment& segment = segments[s];
+    const Eigen::Index columns = std::ssize(errors.of_run[segment.run]);
+    Eliminated& result = eliminated[s];
+    result.information.setZero(columns, columns);
+    result.boundary.setZero(std::ssize(segment.boundary), columns);
+    PoseRows poses = Eigen::MatrixXd::Zero(Eigen::Index{3} * segment.poses(), columns);
+    Gradients gradients(segment, &poses, &result.boundary);
+    system_.linearizer().Visit(
+        segment,
+        LossWeighting::kCurvature,
+        [](FrameIndex, const MotionResidual::Linear&) {},
+        [&](std::size_t i, double root, const ObservationResidual::Linear& linear) {
+          const ObservationIndex index = segment.observations[i];
+          const Eigen::Matrix2Xd E = errors.of_observation(index);
+          result.information.noalias() += E.transpose() * E;
+          gradients.AddObservation(0,
+                                   graph_.observations[index].frame,
+                                   segment.mode_columns[i],
+                                   linear,
+                                   Eigen::Matrix2Xd(root * E));
+        });
+    system_.factor(s).Eliminate(&poses, &result.boundary);
+    result.information.noalias() -= poses.transpose() * poses;
+  });
+  Eigen::MatrixXd reduced = Eigen::MatrixXd::Zero(factor_->size(), errors.amplitudes);
+  Eigen::MatrixXd information = Eigen::MatrixXd::Zero(errors.amplitudes, errors.amplitudes);
+  for (std::size_t s = 0; s < segments.size(); ++s) {
+    const std::vector<Eigen::Index>& columns = errors.of_run[segments[s].run];
+    information(columns, columns) += eliminated[s].information;
+    for (std::size_t row = 0; row < segments[s].boundary.size(); ++row) {
+      const int unknown = segments[s].boundary[row];
+      if (unknown < 0) continue;
+      reduced(unknown, columns) += eliminated[s].boundary.row(static_cast<Eigen::Index>(row));
+    }
+  }
+  const Eigen::MatrixXd steps = factor_->Solve(reduced);
+  information.noalias() -= reduced.transpose() * steps;
+  return {Symmetrized(information), steps.bottomRows(ModeRows())};
 }
 
 Eigen::MatrixXd SchurPosterior::ModeStepsByBlock(const GraphResiduals& residuals,
@@ -209,11 +247,12 @@ Eigen::MatrixXd SchurPosterior::ModeStepsByBlock(const GraphResiduals& residuals
         [&](std::size_t i, double root, const ObservationResidual::Linear& linear) {
           const ObservationIndex index = segment.observations[i];
           const FrameIndex frame = graph_.observations[index].frame;
-          gradients->AddObservation(block(frame),
-                                    frame,
-                                    segment.mode_columns[i],
-                                    linear,
-                                    root * residuals.observations.col(index.value()));
+          gradients->AddObservation(
+              block(frame),
+              frame,
+              segment.mode_columns[i],
+              linear,
+              Eigen::Vector2d(root * residuals.observations.col(index.value())));
         });
   };
   std::vector<PoseRows> inside;

@@ -37,7 +37,7 @@ class SchurPosterior final : public GraphPosterior {
   std::vector<ResidualSample> SampleResiduals(int count, std::mt19937_64& random) const;
 
   std::vector<GraphResiduals> DrawFitResiduals(int count, std::mt19937_64& random) const override;
-  Fit FitTo(std::vector<GraphResiduals> errors) const override;
+  ErrorFit FitErrors(const LinearErrors& errors) const override;
   Eigen::MatrixXd ModeStepsByBlock(const GraphResiduals& residuals,
                                    const FrameBlocks& block_of_frame,
                                    int blocks) const override;
@@ -68,10 +68,6 @@ class SchurPosterior final : public GraphPosterior {
                              Eigen::MatrixXd reduced,
                              std::vector<PoseRows>* inside) const;
   Eigen::MatrixXd PriorNoise(int count, std::mt19937_64& random) const;
-  // @param priors  Jᵀ ε of the priors, a column each, over the reduced system.
-  std::vector<ResidualSample> StepsOf(std::vector<GraphResiduals> noise,
-                                      Eigen::MatrixXd priors) const;
-  std::vector<GraphResiduals> FitResiduals(const std::vector<ResidualSample>& samples) const;
 
   const Graph& graph_;
   SchurSystem system_;

@@ -7,6 +7,7 @@
 
 #include "mapper/calibration/distortion_calibration.h"
 #include "mapper/covariance/gauge.h"
+#include "mapper/covariance/mode_covariance.h"
 #include "mapper/graph/graph.h"
 #include "mapper/graph/graph_posterior.h"
 #include "mapstore/geometry/covariance.h"
@@ -25,13 +26,36 @@ bool IsStiff(const RunMap& run_map, const DeformationOptions& options) {
   return WorstSd(run_map) <= options.stiff_sd_m;
 }
 
+namespace {
+
+// As RunMap::covariance.
+Eigen::MatrixXd CovarianceOf(const Graph& graph,
+                             const GraphPosterior& posterior,
+                             const BuildState& build) {
+  Eigen::MatrixXd covariance = posterior.ModeCovariance();
+  AddDistortions(build.distortion_root, &covariance);
+  return ReferToPositions(graph.modes, std::move(covariance));
+}
+
+RunMap WithCovariance(BuildState build, Eigen::MatrixXd covariance) {
+  RunMap run_map{std::move(build), {}, std::move(covariance)};
+  for (const GroupIndex group : run_map.build.modes.indices()) {
+    for (const BuildMode& mode : run_map.build.modes[group]) {
+      const Eigen::Index at = 2 * run_map.points.end_index();
+      run_map.points.push_back(
+          {group, mode.p_map_landmark, run_map.covariance.block<2, 2>(at, at)});
+    }
+  }
+  return run_map;
+}
+
+}  // namespace
+
 std::optional<Eigen::MatrixXd> RunMapCovariance(const MapperOptions& options, BuildState* build) {
   const Graph graph = MakeGraph(options, build);
-  std::optional<Eigen::MatrixXd> covariance = ComputeModeCovariance(graph);
-  if (!covariance) return std::nullopt;
-  const Eigen::MatrixXd& root = build->distortion_root;
-  if (root.cols() > 0) covariance->noalias() += root * root.transpose();
-  return ReferToPositions(graph.modes, *std::move(covariance));
+  const std::unique_ptr<GraphPosterior> posterior = LinearizeGraph(graph);
+  if (!posterior) return std::nullopt;
+  return CovarianceOf(graph, *posterior, *build);
 }
 
 std::optional<Eigen::MatrixXd> CovarianceOfModes(const MapperOptions& options,
@@ -49,33 +73,27 @@ std::optional<Eigen::MatrixXd> CovarianceOfModes(const MapperOptions& options,
   }
   Eigen::MatrixXd covariance =
       Symmetrized(chosen.transpose() * posterior->ModeCovarianceTimes(chosen));
-  if (build->distortion_root.cols() > 0) {
-    const Eigen::MatrixXd root = chosen.transpose() * build->distortion_root;
-    covariance.noalias() += root * root.transpose();
-  }
+  AddDistortions(chosen.transpose() * build->distortion_root, &covariance);
   return ReferToPositions(positions, std::move(covariance));
 }
 
 std::optional<RunMap> MakeRunMap(const MapperOptions& options, BuildState build) {
-  RunMap run_map{std::move(build), {}, {}};
-  std::optional<Eigen::MatrixXd> covariance = RunMapCovariance(options, &run_map.build);
+  std::optional<Eigen::MatrixXd> covariance = RunMapCovariance(options, &build);
   if (!covariance) return std::nullopt;
-  run_map.covariance = *std::move(covariance);
-  for (const GroupIndex group : run_map.build.modes.indices()) {
-    for (const BuildMode& mode : run_map.build.modes[group]) {
-      const Eigen::Index at = 2 * run_map.points.end_index();
-      run_map.points.push_back(
-          {group, mode.p_map_landmark, run_map.covariance.block<2, 2>(at, at)});
-    }
-  }
-  return run_map;
+  return WithCovariance(std::move(build), *std::move(covariance));
 }
 
 std::optional<RunMap> MakeUndistortedRunMap(const MapperOptions& options, BuildState build) {
-  std::optional<RunMap> run_map = MakeRunMap(options, std::move(build));
-  if (!run_map || !IsStiff(*run_map, options.deformation)) return run_map;
-  SolveWithDistortions(options, &run_map->build);
-  return MakeRunMap(options, std::move(run_map->build));
+  GraphSolver solver;
+  const Graph graph = SolveContinuous(options, &build, &solver);
+  const std::unique_ptr<GraphPosterior> posterior = solver.Linearize(graph);
+  if (!posterior) return std::nullopt;
+  Eigen::MatrixXd covariance = CovarianceOf(graph, *posterior, build);
+  RunMap run_map = WithCovariance(std::move(build), std::move(covariance));
+  if (!IsStiff(run_map, options.deformation)) return run_map;
+  EstimateDistortions(options, graph, *posterior, &run_map.build);
+  SolveContinuous(options, &run_map.build, &solver);
+  return MakeRunMap(options, std::move(run_map.build));
 }
 
 }  // namespace shiftmap

@@ -41,8 +41,9 @@ std::optional<Eigen::MatrixXd> CovarianceOfModes(const MapperOptions& options,
 /// @param build  Solved, as MapSingleRun() leaves it.
 std::optional<RunMap> MakeRunMap(const MapperOptions& options, BuildState build);
 
-/// The same, with the distortions of its sensors taken off (SolveWithDistortions) if it is stiff.
-/// In a longer run the errors of its odometry are far larger.
+/// The same, with the distortions of its sensors taken off (EstimateDistortions) if it is stiff. In
+/// a longer run the errors of its odometry are far larger.
+/// @param build  Without distortions; its noise may have changed since it was solved.
 std::optional<RunMap> MakeUndistortedRunMap(const MapperOptions& options, BuildState build);
 
 }  // namespace shiftmap

@@ -110,16 +110,20 @@ TEST(CeresPosterior, FitsErrorsAlike) {
   for (Graph& graph : SolvedGraphs()) {
     const auto [schur, ceres] = PosteriorsOf(&graph);
     ASSERT_TRUE(schur && ceres);
-    const std::vector<GraphResiduals> errors(2, PresentResiduals(graph));
-    const GraphPosterior::Fit one = schur->FitTo(errors);
-    const GraphPosterior::Fit other = ceres->FitTo(errors);
+    // One amplitude of all runs, and one of each.
+    LinearErrors errors;
+    errors.amplitudes = 1 + std::ssize(graph.runs);
+    for (const RunIndex r : graph.runs.indices()) errors.of_run.push_back({0, 1 + r.value()});
+    const GraphResiduals present = PresentResiduals(graph);
+    errors.of_observation = [&](ObservationIndex i) {
+      Eigen::Matrix2Xd E(2, 2);
+      E << present.observations.col(i.value()), Eigen::Vector2d(1.0, std::sin(0.1 * i.value()));
+      return E;
+    };
+    const GraphPosterior::ErrorFit one = schur->FitErrors(errors);
+    const GraphPosterior::ErrorFit other = ceres->FitErrors(errors);
     ExpectSame(one.mode_steps, other.mode_steps);
-    for (std::size_t k = 0; k < errors.size(); ++k) {
-      for (const RunIndex r : graph.runs.indices()) {
-        ExpectSame(one.left[k].motions[r], other.left[k].motions[r]);
-      }
-      ExpectSame(one.left[k].observations, other.left[k].observations);
-    }
+    ExpectSame(one.information, other.information);
   }
 }
 
