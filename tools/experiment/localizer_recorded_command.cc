@@ -35,9 +35,19 @@ struct Recording {
 
 constexpr std::array<double, 6> kBlindSeconds = {0.0, 5.0, 15.0, 25.0, 40.0, 60.0};
 
-StatusOr<Recording> Load(const std::string& data, int dataset, int robot) {
+// Where a run is cut whose first part is mapped, and whose second part is driven. [s]
+constexpr double kCutSeconds = 700.0;
+
+// A run, or a part of it.
+StatusOr<Recording> Load(const std::string& data,
+                         int dataset,
+                         int robot,
+                         double start_s = 0.0,
+                         std::optional<double> duration_s = std::nullopt) {
   Recording recording{dataset, robot, {}, {}, {}};
   UtiasOptions options;
+  options.start_s = start_s;
+  options.duration_s = duration_s;
   options.dataset_dir = fmt::format("{}/MRCLAM_Dataset{}", data, dataset);
   options.robot = robot;
   SHIFTMAP_ASSIGN_OR_RETURN(UtiasRun recorded, ReadUtias(options));
@@ -47,33 +57,60 @@ StatusOr<Recording> Load(const std::string& data, int dataset, int robot) {
   return recording;
 }
 
-StatusOr<MapSnapshot> MapOf(const Recording& recording) {
-  const std::string name = fmt::format("{}/{}", recording.dataset, recording.robot);
+std::string NameOf(const Recording& recording) {
+  return fmt::format("{}/{}", recording.dataset, recording.robot);
+}
+
+StatusOr<MapSnapshot> MapOf(const std::vector<const Recording*>& recordings) {
+  std::vector<MapperInput> inputs;
+  for (const Recording* recording : recordings) {
+    inputs.push_back({NameOf(*recording), NameOf(*recording), recording->run});
+  }
   SHIFTMAP_ASSIGN_OR_RETURN(const MapperResult result,
-                            BuildMap({{name, name, recording.run}}, std::nullopt, {}));
+                            BuildMap(std::move(inputs), std::nullopt, {}));
   return MapSnapshot("utias", VersionNumber(1), "", result.content);
 }
 
-Status AddRows(const MapSnapshot& map,
-               const Recording& mapped,
-               const Recording& driven,
-               ResultTable* table) {
-  for (const double blind_s : kBlindSeconds) {
-    const Run run = WithBlindStretches(driven.run, {.blind_s = blind_s});
-    SHIFTMAP_ASSIGN_OR_RETURN(
-        const RecordedResult result,
-        LocalizeRecorded(map.ForVehicle(run.info.vehicle), run, driven.truth, driven.places));
-    table->AddRow({fmt::format("{}/{}", mapped.dataset, mapped.robot),
-                   fmt::format("{}/{}", driven.dataset, driven.robot),
-                   blind_s,
-                   result.start_s,
-                   result.rmse_m,
-                   result.nees,
-                   result.nis,
-                   result.lost_s,
-                   static_cast<double>(result.decisions),
-                   static_cast<double>(result.wrong),
-                   static_cast<double>(result.wrong_last)});
+// @param vehicle  Whose calibration is used; the fleet's if the map does not know it.
+Status AddRow(const MapSnapshot& map,
+              const std::string& mapped,
+              const Recording& driven,
+              double blind_s,
+              const std::string& vehicle,
+              ResultTable* table) {
+  const Run run = WithBlindStretches(driven.run, {.blind_s = blind_s});
+  const MapSnapshot own = map.ForVehicle(vehicle);
+  SHIFTMAP_ASSIGN_OR_RETURN(const RecordedResult result,
+                            LocalizeRecorded(own, run, driven.truth, driven.places));
+  table->AddRow({mapped,
+                 NameOf(driven),
+                 std::string(own.calibrated_vehicle().empty() ? "fleet" : "own"),
+                 blind_s,
+                 result.start_s,
+                 result.rmse_m,
+                 result.nees,
+                 result.nis,
+                 result.lost_s,
+                 static_cast<double>(result.decisions),
+                 static_cast<double>(result.wrong),
+                 static_cast<double>(result.wrong_last)});
+  return OkStatus();
+}
+
+// The second part of a run on the map of another run and its own first part, with the calibration
+// that the map has of its vehicle, and without.
+Status AddSecondPart(const std::string& data,
+                     const Recording& mapped,
+                     const Recording& driven,
+                     ResultTable* table) {
+  SHIFTMAP_ASSIGN_OR_RETURN(const Recording first,
+                            Load(data, driven.dataset, driven.robot, 0.0, kCutSeconds));
+  SHIFTMAP_ASSIGN_OR_RETURN(const Recording second,
+                            Load(data, driven.dataset, driven.robot, kCutSeconds));
+  SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot map, MapOf({&mapped, &first}));
+  const std::string name = NameOf(mapped) + " + " + NameOf(driven);
+  for (const std::string& vehicle : {second.run.info.vehicle, std::string("another")}) {
+    SHIFTMAP_RETURN_IF_ERROR(AddRow(map, name, second, 0.0, vehicle, table));
   }
   return OkStatus();
 }
@@ -85,11 +122,14 @@ Status AddDataset(const std::string& data, const UtiasRobots& recorded, ResultTa
     recordings.push_back(std::move(recording));
   }
   for (const Recording& mapped : recordings) {
-    SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot map, MapOf(mapped));
+    SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot map, MapOf({&mapped}));
     for (const Recording& driven : recordings) {
-      if (driven.robot != mapped.robot) {
-        SHIFTMAP_RETURN_IF_ERROR(AddRows(map, mapped, driven, table));
+      if (driven.robot == mapped.robot) continue;
+      for (const double blind_s : kBlindSeconds) {
+        SHIFTMAP_RETURN_IF_ERROR(
+            AddRow(map, NameOf(mapped), driven, blind_s, driven.run.info.vehicle, table));
       }
+      SHIFTMAP_RETURN_IF_ERROR(AddSecondPart(data, mapped, driven, table));
     }
   }
   return OkStatus();
@@ -102,6 +142,7 @@ Status Measure(const Arguments& arguments, Context& context) {
   const std::unique_ptr<Progress> progress = context.MakeProgress();
   ResultTable table({"map",
                      "driven",
+                     "calibration",
                      "blind_s",
                      "start_s",
                      "rmse_m",
