@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "mapper/alignment/consensus.h"
+#include "mapper/calibration/distortion_calibration.h"
 #include "mapper/covariance/mode_covariance.h"
 #include "mapper/graph/graph.h"
 #include "mapper/graph/graph_segments.h"
@@ -84,6 +85,7 @@ void AddRun(const Run& run, BuildSize* size) {
   size->landmarks = std::max(size->landmarks, landmarks);
   size->scans += static_cast<std::int64_t>(run.scans.size());
   size->runs += 1;
+  size->vehicles.insert(run.info.vehicle);
   size->all_landmarks += landmarks;
   size->landmark_pairs += landmarks * landmarks;
 }
@@ -97,6 +99,7 @@ void AddSize(const BuildSize& runs, BuildSize* size) {
   size->segment_boundary += runs.segment_boundary;
   size->segment_pairs += runs.segment_pairs;
   size->runs += runs.runs;
+  size->vehicles.insert(runs.vehicles.begin(), runs.vehicles.end());
   size->landmarks = std::max(size->landmarks, runs.landmarks);
   size->all_landmarks += runs.all_landmarks;
   size->landmark_pairs += runs.landmark_pairs;
@@ -131,9 +134,17 @@ std::int64_t EstimateBuildMemory(const BuildSize& size) {
   const std::int64_t segments = size.segment_boundary * kSegmentPoses * kSegmentRow +
                                 size.key_frames * kSegmentFactor +
                                 size.segment_pairs * kSegmentPair;
+  // The error functions of sensors in the boundaries of their segments, and in what remains.
+  const std::int64_t functions =
+      kErrorFunctions * std::ssize(size.vehicles) + kCommonErrorFunctions;
+  const std::int64_t remaining =
+      3 * size.key_frames / kSegmentPoses + kRunCalibration * size.runs + 2 * modes;
+  const std::int64_t distortions =
+      bytes(sizeof(double)) *
+      ((kErrorFunctions + kCommonErrorFunctions) * size.segment_boundary + functions * remaining);
   const std::int64_t smooth = size.odometry_samples * bytes(sizeof(OdometrySample));
   return kProgram + kLogCopies * logs + smooth + kGraphCopies * graph + segments + joint + tiles +
-         runs + waiting;
+         runs + waiting + distortions;
 }
 
 Status CheckBuildMemory(const BuildSize& size, std::int64_t max_memory_bytes) {

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <map>
 #include <optional>
+#include <set>
 #include <string>
 #include <utility>
 #include <vector>
@@ -27,6 +28,7 @@ struct BuildSize {
   std::int64_t segment_pairs = 0;
 
   std::int64_t runs = 0;
+  std::set<std::string> vehicles;
   std::int64_t landmarks = 0;         ///< Of the run that sees most.
   std::int64_t all_landmarks = 0;     ///< Sum over the runs of those that each sees.
   std::int64_t landmark_pairs = 0;    ///< Sum over the runs of the squares of those.

@@ -48,7 +48,7 @@ EXPERIMENTS = {
     "localizer-decisions": ("share of wrong decisions, and their delay", "shiftmap-experiment localizer-decisions --output OUT"),
     "localizer-decisions-blind": ("the same after 5 to 60 s without a sighting", "shiftmap-experiment localizer-decisions --blind --output OUT"),
     "localizer-decisions-slip": ("the same, wheels slip on every tenth of these ways", "shiftmap-experiment localizer-decisions --blind --slip-share 0.1 --output OUT"),
-    "localizer-recorded": ("recorded robots on maps of one layout, with stretches without sightings", "shiftmap-experiment localizer-recorded --data DATA/utias --output OUT"),
+    "localizer-recorded": ("recorded robots on maps of one layout, with stretches without sightings, and with their own calibration", "shiftmap-experiment localizer-recorded --data DATA/utias --output OUT"),
     "localizer-starts": ("starts of shifts on a crowded site that changes every other day", "shiftmap-experiment nights --worlds 10 --nights 15 --groups 10 --size-m 12 --duration-s 60 --layout-days 2 --layout-share 0.9 --output OUT --work WORK"),
     "localizer-states": ("states that are reported, by known causes", "shiftmap-experiment localizer-states --output OUT --shifts 200 --seed 5001"),
     "localizer-step": ("time of a step of the localizer", "shiftmap_localizer_bench " + BENCH.format("localizer_bench")),

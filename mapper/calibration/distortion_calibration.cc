@@ -228,13 +228,17 @@ std::vector<ErrorFunction> FunctionsOf(const MapperOptions& options,
   return functions;
 }
 
+bool HasDistortions(const MapperOptions& options) {
+  return options.calibrate && options.distortion_share > 0.0;
+}
+
 }  // namespace
 
-void EstimateDistortions(const MapperOptions& options,
+bool EstimateDistortions(const MapperOptions& options,
                          const Graph& graph,
                          const GraphPosterior& posterior,
                          BuildState* build) {
-  if (!options.calibrate || options.distortion_share == 0.0) return;
+  if (!HasDistortions(options)) return false;
   const IndexedVector<RunIndex, std::size_t> vehicles = VehicleOfRun(*build);
   const std::vector<ErrorFunction> functions =
       FunctionsOf(options, build->sensor, graph, GroupByVehicle(graph, vehicles));
@@ -253,7 +257,7 @@ void EstimateDistortions(const MapperOptions& options,
   const Eigen::LLT<Eigen::MatrixXd> llt(Symmetrized(information) +
                                         Eigen::MatrixXd::Identity(size, size));
   const Eigen::VectorXd amplitudes = sd * llt.solve(sd * system.gradient);
-  if (llt.info() != Eigen::Success || !amplitudes.allFinite()) return;
+  if (llt.info() != Eigen::Success || !amplitudes.allFinite()) return false;
   const Eigen::MatrixXd steps = system.mode_steps * sd;
   build->distortion_root = llt.matrixL().solve(steps.transpose()).transpose();
   for (const RunIndex r : build->runs.indices()) {
@@ -265,11 +269,12 @@ void EstimateDistortions(const MapperOptions& options,
       coefficients.row(function.row) += amplitudes[k] * function.coefficients.transpose();
     }
   }
+  return true;
 }
 
 void SolveWithDistortions(const MapperOptions& options, BuildState* build, GraphSolver* solver) {
   DropDistortions(build);
-  if (options.calibrate && options.distortion_share > 0.0) {
+  if (HasDistortions(options)) {
     const Graph graph = SolveContinuous(options, build, solver);
     const std::unique_ptr<GraphPosterior> posterior = solver->Linearize(graph);
     if (posterior) EstimateDistortions(options, graph, *posterior, build);

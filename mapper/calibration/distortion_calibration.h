@@ -8,8 +8,12 @@
 
 namespace shiftmap {
 
+/// Functions of a vehicle's sensor at most, and of all alike.
+inline constexpr int kErrorFunctions = 10;
+inline constexpr int kCommonErrorFunctions = 1;
+
 /// Estimates the distortions of the sensors of a build's vehicles, BuildRun::distortion. Without
-/// calibration or with a share of 0 there are none.
+/// calibration or with a share of 0, or where they are not determined, there are none: false.
 ///
 /// The distortions are additional unknowns, from which the solved graph is eliminated. Functions of
 /// range and bearing are orthonormal over the observations of a vehicle, and each has the prior
@@ -23,7 +27,7 @@ namespace shiftmap {
 /// size of the map stays: no run observes it.
 /// @param graph      Of the build, solved without distortions.
 /// @param posterior  Of the graph.
-void EstimateDistortions(const MapperOptions& options,
+bool EstimateDistortions(const MapperOptions& options,
                          const Graph& graph,
                          const GraphPosterior& posterior,
                          BuildState* build);

@@ -84,7 +84,7 @@ void AddDistortions(const Eigen::MatrixXd& root, Eigen::MatrixXd* covariance);
 /// zero, and positive definite all the same, as any block-diagonal part of a covariance is.
 /// @param posterior     LinearizeForMap() of the graph.
 /// @param sd_scale      Of what no run tells of the scale. [-]
-/// @param distortion    Root of what distortions add (SolveWithDistortions), or empty. [m]
+/// @param distortion    Root of what distortions add (EstimateDistortions), or empty. [m]
 /// @param disagreement  With its factor F and prior information Λ the covariance of the graph's
 ///                      minimum is F P - (F - 1) P Λ P; not beyond kMaxJointModes. That of single
 ///                      modes is added.

@@ -43,7 +43,7 @@ GraphResiduals ResidualsOf(const Graph& graph, const Eigen::VectorXd& rows) {
   return residuals;
 }
 
-// Noise on all rows of the Jacobian, a column a draw: that of GraphElimination for the same
+// Noise on all rows of the Jacobian, a column a draw: that of SchurPosterior for the same
 // generator, so that both estimate the same noise of a graph.
 Eigen::MatrixXd DrawNoise(const Graph& graph,
                           int count,

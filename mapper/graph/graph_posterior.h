@@ -18,12 +18,14 @@ struct GraphResiduals {
   Eigen::Matrix2Xd observations;                      ///< A column each.
 };
 
-/// Errors on the standardized residuals of observations, by amplitudes of which each run has some.
+/// Errors on residuals of observations, standardized and weighted as in GraphResiduals, by
+/// amplitudes of which each run has some.
 struct LinearErrors {
   Eigen::Index amplitudes = 0;
   IndexedVector<RunIndex, std::vector<Eigen::Index>> of_run;  ///< Each at most once.
 
-  /// E: by how much the residual changes, a column for each of its run's amplitudes.
+  /// E: by how much the residual changes, a column for each of its run's amplitudes. Called from
+  /// several threads.
   std::function<Eigen::Matrix2Xd(ObservationIndex)> of_observation;
 };
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "mapper/graph/schur_posterior.h"
 
+#include <algorithm>
 #include <cstddef>
 #include <utility>
 
@@ -9,6 +10,12 @@
 #include "mapstore/geometry/covariance.h"
 
 namespace shiftmap {
+namespace {
+
+// Right sides that are solved for at a time: each takes as much memory as all unknowns.
+constexpr Eigen::Index kColumns = 64;
+
+}  // namespace
 
 std::unique_ptr<SchurPosterior> SchurPosterior::Of(
     const Graph& graph,
@@ -226,9 +233,14 @@ GraphPosterior::ErrorFit SchurPosterior::FitErrors(const LinearErrors& errors) c
       reduced(unknown, columns) += eliminated[s].boundary.row(static_cast<Eigen::Index>(row));
     }
   }
-  const Eigen::MatrixXd steps = factor_->Solve(reduced);
-  information.noalias() -= reduced.transpose() * steps;
-  return {Symmetrized(information), steps.bottomRows(ModeRows())};
+  Eigen::MatrixXd mode_steps(ModeRows(), errors.amplitudes);
+  for (Eigen::Index column = 0; column < errors.amplitudes; column += kColumns) {
+    const Eigen::Index columns = std::min(kColumns, errors.amplitudes - column);
+    const Eigen::MatrixXd steps = factor_->Solve(reduced.middleCols(column, columns));
+    information.middleCols(column, columns).noalias() -= reduced.transpose() * steps;
+    mode_steps.middleCols(column, columns) = steps.bottomRows(ModeRows());
+  }
+  return {Symmetrized(information), std::move(mode_steps)};
 }
 
 Eigen::MatrixXd SchurPosterior::ModeStepsByBlock(const GraphResiduals& residuals,

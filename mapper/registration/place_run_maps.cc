@@ -305,7 +305,6 @@ class RunMapPlacing {
     if (build.runs.size() == 1 && build.runs.front().data == first) return std::move(map.first);
     UpdateModes(options_, &build);
     DropDistortions(&build);
-    SolveContinuous(options_, &build);
     std::vector<std::string> names;
     for (const BuildRun& run : build.runs) names.push_back(run.data->name);
     std::optional<RunMap> run_map = MakeUndistortedRunMap(options_, std::move(build));

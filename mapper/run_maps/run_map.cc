@@ -73,7 +73,9 @@ std::optional<Eigen::MatrixXd> CovarianceOfModes(const MapperOptions& options,
   }
   Eigen::MatrixXd covariance =
       Symmetrized(chosen.transpose() * posterior->ModeCovarianceTimes(chosen));
-  AddDistortions(chosen.transpose() * build->distortion_root, &covariance);
+  if (build->distortion_root.cols() > 0) {
+    AddDistortions(chosen.transpose() * build->distortion_root, &covariance);
+  }
   return ReferToPositions(positions, std::move(covariance));
 }
 
@@ -85,15 +87,19 @@ std::optional<RunMap> MakeRunMap(const MapperOptions& options, BuildState build)
 
 std::optional<RunMap> MakeUndistortedRunMap(const MapperOptions& options, BuildState build) {
   GraphSolver solver;
-  const Graph graph = SolveContinuous(options, &build, &solver);
-  const std::unique_ptr<GraphPosterior> posterior = solver.Linearize(graph);
-  if (!posterior) return std::nullopt;
-  Eigen::MatrixXd covariance = CovarianceOf(graph, *posterior, build);
-  RunMap run_map = WithCovariance(std::move(build), std::move(covariance));
-  if (!IsStiff(run_map, options.deformation)) return run_map;
-  EstimateDistortions(options, graph, *posterior, &run_map.build);
-  SolveContinuous(options, &run_map.build, &solver);
-  return MakeRunMap(options, std::move(run_map.build));
+  {
+    const Graph graph = SolveContinuous(options, &build, &solver);
+    const std::unique_ptr<GraphPosterior> posterior = solver.Linearize(graph);
+    if (!posterior) return std::nullopt;
+    Eigen::MatrixXd covariance = CovarianceOf(graph, *posterior, build);
+    RunMap run_map = WithCovariance(std::move(build), std::move(covariance));
+    const bool undistorted = IsStiff(run_map, options.deformation) &&
+                             EstimateDistortions(options, graph, *posterior, &run_map.build);
+    if (!undistorted) return run_map;
+    build = std::move(run_map.build);
+  }
+  SolveContinuous(options, &build, &solver);
+  return MakeRunMap(options, std::move(build));
 }
 
 }  // namespace shiftmap

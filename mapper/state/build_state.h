@@ -54,7 +54,7 @@ struct BuildRun {
   IndexedVector<FrameIndex, Se2> poses;  ///< T_map_vehicle at every key frame.
   OdometryCalibration odometry;          ///< As estimated for this run.
   SensorBias sensor_bias = SensorBias::Zero();
-  SensorDistortion distortion;  ///< As SolveWithDistortions() left it.
+  SensorDistortion distortion;  ///< As EstimateDistortions() left it.
 
   double variance_factor = 1.0;  ///< As in GraphRun.
 

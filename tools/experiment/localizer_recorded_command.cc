@@ -108,8 +108,13 @@ Status AddSecondPart(const std::string& data,
   SHIFTMAP_ASSIGN_OR_RETURN(const Recording second,
                             Load(data, driven.dataset, driven.robot, kCutSeconds));
   SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot map, MapOf({&mapped, &first}));
-  const std::string name = NameOf(mapped) + " + " + NameOf(driven);
-  for (const std::string& vehicle : {second.run.info.vehicle, std::string("another")}) {
+  const std::string& own = second.run.info.vehicle;
+  if (map.ForVehicle(own).calibrated_vehicle().empty()) {
+    return FailedPrecondition("the first part of {} is not in the map", NameOf(driven));
+  }
+  const std::string name =
+      fmt::format("{} + {} to {:.0f} s", NameOf(mapped), NameOf(driven), kCutSeconds);
+  for (const std::string& vehicle : {own, std::string("another")}) {
     SHIFTMAP_RETURN_IF_ERROR(AddRow(map, name, second, 0.0, vehicle, table));
   }
   return OkStatus();
@@ -158,7 +163,9 @@ Status Measure(const Arguments& arguments, Context& context) {
   }
   SHIFTMAP_RETURN_IF_ERROR(output.WriteTable(table));
   SHIFTMAP_RETURN_IF_ERROR(output.WritePage(
-      "Recorded robots, each on the map of each other one of its data set", table));
+      "Recorded robots, each on the map of each other one of its data set, and the second part of "
+      "each run on the map that has its first part too",
+      table));
   SHIFTMAP_ASSIGN_OR_RETURN(const Json document, output.WriteDocument(Json::object(), table));
   context.Report(document, table.ToText());
   return OkStatus();

@@ -124,6 +124,12 @@ TEST(CeresPosterior, FitsErrorsAlike) {
     const GraphPosterior::ErrorFit other = ceres->FitErrors(errors);
     ExpectSame(one.mode_steps, other.mode_steps);
     ExpectSame(one.information, other.information);
+
+    graph.threads = 3;
+    graph.solver = SolverKind::kSchur;
+    const GraphPosterior::ErrorFit threaded = LinearizeGraph(graph)->FitErrors(errors);
+    EXPECT_EQ(threaded.mode_steps, one.mode_steps);
+    EXPECT_EQ(threaded.information, one.information);
   }
 }
 

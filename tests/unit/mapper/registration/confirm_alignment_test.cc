@@ -5,8 +5,10 @@
 
 #include <vector>
 
+#include "mapper/calibration/distortion_calibration.h"
 #include "mapper/covariance/gauge.h"
 #include "mapper/run_maps/single_run.h"
+#include "tests/support/geometry_matchers.h"
 #include "tests/unit/mapper/mapper_test_util.h"
 
 namespace shiftmap {
@@ -130,6 +132,14 @@ TEST(CovarianceOfModes, IsThatOfAllRelativeToTheChosen) {
   EXPECT_LT((ReferToPositions(positions, expected) - some).cwiseAbs().maxCoeff(), 2.0 * kFloors);
   EXPECT_GT(some.trace(), 100.0 * kFloors);
   EXPECT_GT(run_map.build.distortion_root.norm(), 0.0);
+
+  // Without distortions too.
+  DropDistortions(&run_map.build);
+  const Eigen::MatrixXd all = RunMapCovariance(MapperOptions(), &run_map.build).value();
+  std::vector<ModeIndex> every;
+  for (const ModeIndex mode : run_map.points.indices()) every.push_back(mode);
+  EXPECT_THAT(CovarianceOfModes(MapperOptions(), every, &run_map.build).value(),
+              testing::IsNearMatrix(all, 1e-9));
 }
 
 }  // namespace
