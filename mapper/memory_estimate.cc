@@ -35,8 +35,8 @@ constexpr std::int64_t kSegmentEnds = 2 * 3 + kRunCalibration;
 
 // Per key frame of a segment and column of its boundary, rows of Y; per key frame its factor.
 // [bytes]
-constexpr std::int64_t kSegmentRow = 3 * 8;
-constexpr std::int64_t kSegmentFactor = 2 * 72;
+constexpr std::int64_t kSegmentRow = std::int64_t{3} * 8;
+constexpr std::int64_t kSegmentFactor = std::int64_t{2} * 72;
 
 // Per pair of columns of a segment's boundary: its term in the reduced system, and two entries of
 // fronts, since calibrations widen those that take it up. [bytes]

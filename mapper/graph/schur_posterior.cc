@@ -13,7 +13,7 @@ namespace shiftmap {
 namespace {
 
 // Right sides that are solved for at a time: each takes as much memory as all unknowns.
-constexpr Eigen::Index kColumns = 64;
+constexpr Eigen::Index kColumnsAtOnce = 64;
 
 }  // namespace
 
@@ -234,8 +234,8 @@ GraphPosterior::ErrorFit SchurPosterior::FitErrors(const LinearErrors& errors) c
     }
   }
   Eigen::MatrixXd mode_steps(ModeRows(), errors.amplitudes);
-  for (Eigen::Index column = 0; column < errors.amplitudes; column += kColumns) {
-    const Eigen::Index columns = std::min(kColumns, errors.amplitudes - column);
+  for (Eigen::Index column = 0; column < errors.amplitudes; column += kColumnsAtOnce) {
+    const Eigen::Index columns = std::min(kColumnsAtOnce, errors.amplitudes - column);
     const Eigen::MatrixXd steps = factor_->Solve(reduced.middleCols(column, columns));
     information.middleCols(column, columns).noalias() -= reduced.transpose() * steps;
     mode_steps.middleCols(column, columns) = steps.bottomRows(ModeRows());
