@@ -106,7 +106,19 @@ class DistortedResiduals {
   DistortedResiduals(const Graph& graph,
                      const std::vector<ErrorFunction>& functions,
                      const IndexedVector<RunIndex, std::size_t>& vehicles)
-      : graph_(graph), functions_(functions), losses_(LossesOf(graph)) {
+      : graph_(graph), functions_(functions) {
+    const IndexedVector<RunIndex, RobustLoss> losses = LossesOf(graph);
+    for (const GraphObservation& item : graph.observations) {
+      const GraphRun& run = graph.runs[item.run];
+      const ObservationResidual residual(item);
+      const Se2& pose = run.poses[item.frame];
+      const double squared =
+          residual.ResidualAt(pose, pose.Rotation(), graph.modes[item.mode], run.sensor_bias)
+              .squaredNorm();
+      by_polar_.push_back(std::sqrt(losses[item.run].Curvature(squared)) *
+                          residual.Whitened(SensorDistortion::DzDPolar(item.observation)));
+      monomials_.push_back(SensorDistortion::MonomialsOf(item.observation));
+    }
     errors_.amplitudes = std::ssize(functions);
     for (const RunIndex r : graph.runs.indices()) {
       std::vector<Eigen::Index>& of_run = errors_.of_run.emplace_back();
@@ -135,32 +147,22 @@ class DistortedResiduals {
   }
 
  private:
-  // By how much an observation changes with (range, bearing), times the root of its weight.
   Eigen::Matrix2Xd At(ObservationIndex i) const {
-    const GraphObservation& item = graph_.observations[i];
-    const GraphRun& run = graph_.runs[item.run];
-    const ObservationResidual residual(item);
-    const Se2& pose = run.poses[item.frame];
-    const double squared =
-        residual.ResidualAt(pose, pose.Rotation(), graph_.modes[item.mode], run.sensor_bias)
-            .squaredNorm();
-    const Eigen::Matrix2d by_polar =
-        std::sqrt(losses_[item.run].Curvature(squared)) *
-        residual.Whitened(SensorDistortion::DzDPolar(item.observation));
-    const Monomials monomials = SensorDistortion::MonomialsOf(item.observation);
-    const std::vector<Eigen::Index>& of_run = errors_.of_run[item.run];
+    const std::vector<Eigen::Index>& of_run = errors_.of_run[graph_.observations[i].run];
     Eigen::Matrix2Xd columns(2, std::ssize(of_run));
     for (std::size_t k = 0; k < of_run.size(); ++k) {
       const ErrorFunction& function = functions_[static_cast<std::size_t>(of_run[k])];
       columns.col(static_cast<Eigen::Index>(k)) =
-          by_polar.col(function.row) * function.coefficients.dot(monomials);
+          by_polar_[i].col(function.row) * function.coefficients.dot(monomials_[i]);
     }
     return columns;
   }
 
   const Graph& graph_;
   const std::vector<ErrorFunction>& functions_;
-  const IndexedVector<RunIndex, RobustLoss> losses_;
+  // By how much observations change with (range, bearing), times the root of their weight.
+  IndexedVector<ObservationIndex, Eigen::Matrix2d> by_polar_;
+  IndexedVector<ObservationIndex, Monomials> monomials_;
   LinearErrors errors_;
 };
 

@@ -157,18 +157,12 @@ struct ResidualStatistics {
 
 using RunStatistics = IndexedVector<RunIndex, ResidualStatistics>;
 
-/// Joint covariance of all modes in the Gaussian around the graph's present values, order of
-/// Graph::modes, (x, y) each. Nothing if the graph does not determine its modes in the numbers that
-/// a computer has, as where values have diverged. [m²]
-/// Precondition: every mode is observed or in the prior.
-std::optional<Eigen::MatrixXd> ComputeModeCovariance(const Graph& graph);
-
 /// The statistics of each run at the graph's present values. The redundancy of each kind of
 /// residual, n - tr(J_kind Σ J_kindᵀ), is estimated by what the fit leaves of `samples` > 0 draws
 /// of noise on the residuals (seeded; mapper/METHOD.md, 5). Precondition: every mode is
 /// observed or in the prior.
 /// @param solver  Has just solved the graph or a similar one. May be null.
-/// @return Nothing where ComputeModeCovariance() has none.
+/// @return Nothing where LinearizeGraph() has none.
 std::optional<RunStatistics> ComputeRunStatistics(const Graph& graph,
                                                   int samples,
                                                   std::uint64_t seed,

@@ -112,12 +112,6 @@ GraphResiduals PresentResiduals(const Graph& graph) {
   return present;
 }
 
-std::optional<Eigen::MatrixXd> ComputeModeCovariance(const Graph& graph) {
-  const std::unique_ptr<GraphPosterior> posterior = LinearizeGraph(graph);
-  if (!posterior) return std::nullopt;
-  return posterior->ModeCovariance();
-}
-
 RunStatistics ComputeRunStatistics(const Graph& graph,
                                    const GraphPosterior& posterior,
                                    int samples,

@@ -15,6 +15,15 @@ namespace {
 // Right sides that are solved for at a time: each takes as much memory as all unknowns.
 constexpr Eigen::Index kColumnsAtOnce = 64;
 
+// Adds the rows of a segment's boundary to those of its unknowns.
+template <typename Reduced>
+void AddBoundary(const GraphSegment& segment, const Eigen::MatrixXd& boundary, Reduced* reduced) {
+  for (std::size_t row = 0; row < segment.boundary.size(); ++row) {
+    const int unknown = segment.boundary[row];
+    if (unknown >= 0) reduced->row(unknown) += boundary.row(static_cast<Eigen::Index>(row));
+  }
+}
+
 }  // namespace
 
 std::unique_ptr<SchurPosterior> SchurPosterior::Of(
@@ -98,10 +107,7 @@ Eigen::MatrixXd SchurPosterior::SolveNoise(const AddNoise& add_noise,
     system_.factor(i).Eliminate(&poses, &boundaries[i]);
   });
   for (std::size_t i = 0; i < segments.size(); ++i) {
-    for (std::size_t row = 0; row < segments[i].boundary.size(); ++row) {
-      const int unknown = segments[i].boundary[row];
-      if (unknown >= 0) reduced.row(unknown) += boundaries[i].row(static_cast<Eigen::Index>(row));
-    }
+    AddBoundary(segments[i], boundaries[i], &reduced);
   }
   return factor_->Solve(reduced);
 }
@@ -205,10 +211,9 @@ GraphPosterior::ErrorFit SchurPosterior::FitErrors(const LinearErrors& errors) c
     result.boundary.setZero(std::ssize(segment.boundary), columns);
     PoseRows poses = Eigen::MatrixXd::Zero(Eigen::Index{3} * segment.poses(), columns);
     Gradients gradients(segment, &poses, &result.boundary);
-    system_.linearizer().Visit(
+    system_.linearizer().VisitObservations(
         segment,
         LossWeighting::kCurvature,
-        [](FrameIndex, const MotionResidual::Linear&) {},
         [&](std::size_t i, double root, const ObservationResidual::Linear& linear) {
           const ObservationIndex index = segment.observations[i];
           const Eigen::Matrix2Xd E = errors.of_observation(index);
@@ -227,11 +232,8 @@ GraphPosterior::ErrorFit SchurPosterior::FitErrors(const LinearErrors& errors) c
   for (std::size_t s = 0; s < segments.size(); ++s) {
     const std::vector<Eigen::Index>& columns = errors.of_run[segments[s].run];
     information(columns, columns) += eliminated[s].information;
-    for (std::size_t row = 0; row < segments[s].boundary.size(); ++row) {
-      const int unknown = segments[s].boundary[row];
-      if (unknown < 0) continue;
-      reduced(unknown, columns) += eliminated[s].boundary.row(static_cast<Eigen::Index>(row));
-    }
+    auto of_run = reduced(Eigen::all, columns);
+    AddBoundary(segments[s], eliminated[s].boundary, &of_run);
   }
   Eigen::MatrixXd mode_steps(ModeRows(), errors.amplitudes);
   for (Eigen::Index column = 0; column < errors.amplitudes; column += kColumnsAtOnce) {

@@ -47,6 +47,27 @@ class SegmentLinearizer {
     for (FrameIndex i = segment.first; i < segment.last; ++i) {
       add_motion(i, MotionAt(segment, R_map_vehicle, i));
     }
+    VisitObservations(segment, weighting, R_map_vehicle, add_observation);
+  }
+
+  /// The same of its observations alone.
+  template <typename AddObservation>
+  void VisitObservations(const GraphSegment& segment,
+                         LossWeighting weighting,
+                         const AddObservation& add_observation) const {
+    VisitObservations(segment, weighting, RotationsOf(segment), add_observation);
+  }
+
+ private:
+  static double WeightOf(const RobustLoss& loss, LossWeighting weighting, double squared_residual);
+
+  using Rotations = IndexedVector<FrameIndex, Eigen::Matrix2d>;  // From a segment's first frame on.
+
+  template <typename AddObservation>
+  void VisitObservations(const GraphSegment& segment,
+                         LossWeighting weighting,
+                         const Rotations& R_map_vehicle,
+                         const AddObservation& add_observation) const {
     for (std::size_t i = 0; i < segment.observations.size(); ++i) {
       const ObservationResidual::Linear linear =
           ObservationAt(segment, R_map_vehicle, segment.observations[i]);
@@ -54,11 +75,6 @@ class SegmentLinearizer {
           i, std::sqrt(WeightOf(losses_[segment.run], weighting, linear.r.squaredNorm())), linear);
     }
   }
-
- private:
-  static double WeightOf(const RobustLoss& loss, LossWeighting weighting, double squared_residual);
-
-  using Rotations = IndexedVector<FrameIndex, Eigen::Matrix2d>;  // From a segment's first frame on.
 
   Rotations RotationsOf(const GraphSegment& segment) const;
   MotionResidual::Linear MotionAt(const GraphSegment& segment,

@@ -79,12 +79,12 @@ Status AddRow(const MapSnapshot& map,
               const std::string& vehicle,
               ResultTable* table) {
   const Run run = WithBlindStretches(driven.run, {.blind_s = blind_s});
-  const MapSnapshot own = map.ForVehicle(vehicle);
+  const MapSnapshot calibrated = map.ForVehicle(vehicle);
   SHIFTMAP_ASSIGN_OR_RETURN(const RecordedResult result,
-                            LocalizeRecorded(own, run, driven.truth, driven.places));
+                            LocalizeRecorded(calibrated, run, driven.truth, driven.places));
   table->AddRow({mapped,
                  NameOf(driven),
-                 std::string(own.calibrated_vehicle().empty() ? "fleet" : "own"),
+                 std::string(calibrated.calibrated_vehicle().empty() ? "fleet" : "own"),
                  blind_s,
                  result.start_s,
                  result.rmse_m,
@@ -97,44 +97,53 @@ Status AddRow(const MapSnapshot& map,
   return OkStatus();
 }
 
+// A run, and its two parts.
+struct CutRecording {
+  Recording whole;
+  Recording first;
+  Recording second;
+};
+
+StatusOr<CutRecording> LoadCut(const std::string& data, int dataset, int robot) {
+  CutRecording cut;
+  SHIFTMAP_ASSIGN_OR_RETURN(cut.whole, Load(data, dataset, robot));
+  SHIFTMAP_ASSIGN_OR_RETURN(cut.first, Load(data, dataset, robot, 0.0, kCutSeconds));
+  SHIFTMAP_ASSIGN_OR_RETURN(cut.second, Load(data, dataset, robot, kCutSeconds));
+  return cut;
+}
+
 // The second part of a run on the map of another run and its own first part, with the calibration
 // that the map has of its vehicle, and without.
-Status AddSecondPart(const std::string& data,
-                     const Recording& mapped,
-                     const Recording& driven,
-                     ResultTable* table) {
-  SHIFTMAP_ASSIGN_OR_RETURN(const Recording first,
-                            Load(data, driven.dataset, driven.robot, 0.0, kCutSeconds));
-  SHIFTMAP_ASSIGN_OR_RETURN(const Recording second,
-                            Load(data, driven.dataset, driven.robot, kCutSeconds));
-  SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot map, MapOf({&mapped, &first}));
-  const std::string& own = second.run.info.vehicle;
+Status AddSecondPart(const Recording& mapped, const CutRecording& driven, ResultTable* table) {
+  SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot map, MapOf({&mapped, &driven.first}));
+  const std::string& own = driven.second.run.info.vehicle;
   if (map.ForVehicle(own).calibrated_vehicle().empty()) {
-    return FailedPrecondition("the first part of {} is not in the map", NameOf(driven));
+    return FailedPrecondition("the first part of {} is not in the map", NameOf(driven.whole));
   }
   const std::string name =
-      fmt::format("{} + {} to {:.0f} s", NameOf(mapped), NameOf(driven), kCutSeconds);
+      fmt::format("{} + {} to {:.0f} s", NameOf(mapped), NameOf(driven.whole), kCutSeconds);
   for (const std::string& vehicle : {own, std::string("another")}) {
-    SHIFTMAP_RETURN_IF_ERROR(AddRow(map, name, second, 0.0, vehicle, table));
+    SHIFTMAP_RETURN_IF_ERROR(AddRow(map, name, driven.second, 0.0, vehicle, table));
   }
   return OkStatus();
 }
 
 Status AddDataset(const std::string& data, const UtiasRobots& recorded, ResultTable* table) {
-  std::vector<Recording> recordings;
+  std::vector<CutRecording> recordings;
   for (const int robot : recorded.robots) {
-    SHIFTMAP_ASSIGN_OR_RETURN(Recording recording, Load(data, recorded.dataset, robot));
+    SHIFTMAP_ASSIGN_OR_RETURN(CutRecording recording, LoadCut(data, recorded.dataset, robot));
     recordings.push_back(std::move(recording));
   }
-  for (const Recording& mapped : recordings) {
-    SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot map, MapOf({&mapped}));
-    for (const Recording& driven : recordings) {
-      if (driven.robot == mapped.robot) continue;
+  for (const CutRecording& mapped : recordings) {
+    SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot map, MapOf({&mapped.whole}));
+    for (const CutRecording& driven : recordings) {
+      const Recording& whole = driven.whole;
+      if (whole.robot == mapped.whole.robot) continue;
       for (const double blind_s : kBlindSeconds) {
         SHIFTMAP_RETURN_IF_ERROR(
-            AddRow(map, NameOf(mapped), driven, blind_s, driven.run.info.vehicle, table));
+            AddRow(map, NameOf(mapped.whole), whole, blind_s, whole.run.info.vehicle, table));
       }
-      SHIFTMAP_RETURN_IF_ERROR(AddSecondPart(data, mapped, driven, table));
+      SHIFTMAP_RETURN_IF_ERROR(AddSecondPart(mapped.whole, driven, table));
     }
   }
   return OkStatus();

@@ -11,6 +11,7 @@
 #include <set>
 
 #include "mapper/covariance/gauge.h"
+#include "mapper/graph/graph_posterior.h"
 #include "tests/support/circle_graph.h"
 #include "tests/support/geometry_matchers.h"
 #include "tests/support/random_map.h"
@@ -76,11 +77,12 @@ TEST(ModeCovariance, BlocksOfALargeMapAreThoseOfTheDenseCovariance) {
   Eigen::MatrixXd distortion(2 * graph.modes.end_index(), 3);
   for (double& value : distortion.reshaped()) value = 0.01 * normal(random);
   const JointCovariance blocks = MapCovariance(graph, *posterior, kScale, distortion, {});
-  const Eigen::MatrixXd dense = AddScaleUncertainty(
-      graph.modes,
-      kScale,
-      ReferToPositions(graph.modes,
-                       ComputeModeCovariance(graph).value() + distortion * distortion.transpose()));
+  const Eigen::MatrixXd dense =
+      AddScaleUncertainty(graph.modes,
+                          kScale,
+                          ReferToPositions(graph.modes,
+                                           LinearizeGraph(graph)->ModeCovariance() +
+                                               distortion * distortion.transpose()));
   for (int i = 0; i < blocks.size(); ++i) {
     const Eigen::Matrix2d wanted = dense.block<2, 2>(2 * i, 2 * i);
     EXPECT_THAT(blocks.Block(i, i), testing::IsNearMatrix(wanted, 1e-6 * wanted.norm())) << i;
@@ -118,7 +120,7 @@ TEST(ModeCovariance, DifferencesAreThoseOfTheJointCovarianceAndBounded) {
   const Graph graph = Corridor(kMaxJointModes + 60);
   GraphSolver solver;
   const ModeDifferences sparse = ModeDifferences::Of(graph, &solver).value();
-  const Eigen::MatrixXd joint = ComputeModeCovariance(graph).value();
+  const Eigen::MatrixXd joint = LinearizeGraph(graph)->ModeCovariance();
   using Pair = std::pair<ModeIndex, ModeIndex>;
   for (const auto& [a, b] : {Pair(0, 1), Pair(5, 300), Pair(200, 204), Pair(358, 359)}) {
     SCOPED_TRACE(a.value());

@@ -7,6 +7,7 @@
 #include <sqlite3.h>
 
 #include <algorithm>
+#include <cstdint>
 #include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
@@ -18,6 +19,7 @@
 #include "mapstore/map/mode_filter.h"
 #include "mapstore/map/sha256.h"
 #include "mapstore/map_store.h"
+#include "mapstore/schema/schema.h"
 #include "mapstore/sqlite/database.h"
 #include "tests/support/geometry_matchers.h"
 #include "tests/support/status_matchers.h"
@@ -390,7 +392,7 @@ TEST(MigrateDerivedTest, ASnapshotIsExportedAnew) {
 
 // A header whose version is not that of the tables.
 TEST(MigrateDerivedTest, AVersionThatWasSetBackIsDamage) {
-  for (int version = 1; version < 10; ++version) {
+  for (std::int64_t version = 1; version < kSchemaVersion; ++version) {
     SCOPED_TRACE(version);
     const TempDir dir;
     const std::string path = dir.File("a.db");

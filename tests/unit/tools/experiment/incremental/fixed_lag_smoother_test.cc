@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "mapper/graph/graph_posterior.h"
 #include "tests/support/geometry_matchers.h"
 #include "tests/unit/tools/experiment/incremental/small_site.h"
 
@@ -73,7 +74,8 @@ TEST(FixedLagSmootherTest, CovariancesAreThoseOfTheBatch) {
   const Graph graph = MakeSmallSite(shape, 3);
   FixedLagSmoother smoother = RunThrough(shape, graph, shape.frames);
   ASSERT_TRUE(smoother.SolveFully());
-  const Eigen::MatrixXd expected = ComputeModeCovariance(Solved(graph)).value();
+  const Graph solved = Solved(graph);
+  const Eigen::MatrixXd expected = LinearizeGraph(solved)->ModeCovariance();
   EXPECT_THAT(smoother.ModePairCovariance(1, 2), IsNearMatrix(expected.block<4, 4>(2, 2), 1e-7));
   EXPECT_THAT(smoother.PoseModeCovariance(4).bottomRightCorner(2, 2),
               IsNearMatrix(expected.block<2, 2>(8, 8), 1e-7));
