@@ -63,12 +63,29 @@ std::string NightTitle(Stamp begin) {
   return title + "Z";
 }
 
+// A night under way: nothing of a dry run.
+struct Night {
+  Stamp begin;
+  std::optional<NightLock> lock;
+  std::vector<std::string> unreported;  // Of nights that were interrupted before it.
+};
+
+StatusOr<Night> Begin(const NightOptions& options, Context& context) {
+  Night night;
+  night.begin = SystemNow();
+  if (context.dry_run()) return night;
+  SHIFTMAP_ASSIGN_OR_RETURN(night.lock, NightLock::Take(options.build.store));
+  SHIFTMAP_ASSIGN_OR_RETURN(night.unreported,
+                            BeginNight(options, night.begin, context, &*night.lock));
+  return night;
+}
+
 // Says what the night did; nothing to do is no report. It is done, with its page or without: to try
 // again would find nothing new.
 Status Finish(const NightOptions& options,
-              Stamp begin,
               const Json& document,
               const std::string& text,
+              Night* night,
               Context* context) {
   AttendTo(document, context);
   const bool published =
@@ -80,9 +97,10 @@ Status Finish(const NightOptions& options,
                         context->done_code() != ExitCode::kDone;
   if (options.report && anything && !context->dry_run()) {
     const Status written =
-        WriteNightReport(document, NightTitle(begin), options.build.store, *options.report);
+        WriteNightReport(document, NightTitle(night->begin), options.build.store, *options.report);
     if (!written.ok()) context->Attend(Message(written) + ": the night is done, without its page");
   }
+  if (night->lock) night->lock->End();
   context->Report(document, text);
   if (anything || context->dry_run()) return OkStatus();
   return MakeStatus(StatusCode::kAlreadyExists,
@@ -92,22 +110,20 @@ Status Finish(const NightOptions& options,
 }
 
 Status RunAll(const NightOptions& options, Context& context) {
-  const Stamp begin = SystemNow();
-  std::optional<OwnedFd> lock;
   SHIFTMAP_RETURN_IF_ERROR(MapStore::CheckWritable(options.build.store, context.dry_run()));
-  if (!context.dry_run()) {
-    SHIFTMAP_ASSIGN_OR_RETURN(lock, LockNight(options.build.store));
-  }
-  SHIFTMAP_ASSIGN_OR_RETURN(const NightResult result, RunNight(options, context));
-  return Finish(options, begin, NightJson(result), NightText(result), &context);
+  SHIFTMAP_ASSIGN_OR_RETURN(Night night, Begin(options, context));
+  SHIFTMAP_ASSIGN_OR_RETURN(NightResult result, RunNight(options, context));
+  result.work.left.insert(
+      result.work.left.begin(), night.unreported.begin(), night.unreported.end());
+  return Finish(options, NightJson(result), NightText(result), &night, &context);
 }
 
 Status RunPlan(const NightlyArguments& arguments, Context& context) {
   const NightOptions& options = arguments.night;
-  std::optional<OwnedFd> lock;
+  std::optional<NightLock> lock;
   SHIFTMAP_RETURN_IF_ERROR(MapStore::CheckWritable(options.build.store, context.dry_run()));
   if (!context.dry_run()) {
-    SHIFTMAP_ASSIGN_OR_RETURN(lock, LockNight(options.build.store));
+    SHIFTMAP_ASSIGN_OR_RETURN(lock, NightLock::Take(options.build.store));
   }
   SHIFTMAP_ASSIGN_OR_RETURN(const NightPlan plan, PlanNight(options, *arguments.output, context));
   Json areas = Json::array();
@@ -137,19 +153,16 @@ Status RunOne(const NightlyArguments& arguments, Context& context) {
 }
 
 Status RunCollect(const NightlyArguments& arguments, Context& context) {
-  const Stamp begin = SystemNow();
   NightOptions options = arguments.night;
   SHIFTMAP_ASSIGN_OR_RETURN(const NightPlan plan, ReadPlan(*arguments.plan));
   options.build.store = plan.store;
   options.logs = plan.logs;
-  std::optional<OwnedFd> lock;
-  if (!context.dry_run()) {
-    SHIFTMAP_ASSIGN_OR_RETURN(lock, LockNight(options.build.store));
-  }
+  SHIFTMAP_ASSIGN_OR_RETURN(Night night, Begin(options, context));
   SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<CollectedArea> collected,
                             CollectNight(plan, *arguments.plan, context));
   NightWork work;
-  work.left = plan.left;
+  work.left = night.unreported;
+  work.left.insert(work.left.end(), plan.left.begin(), plan.left.end());
   work.ignored = plan.ignored;
   Json areas = Json::array();
   for (std::size_t i = 0; i < collected.size(); ++i) {
@@ -171,9 +184,9 @@ Status RunCollect(const NightlyArguments& arguments, Context& context) {
                          {"logs_deleted", deleted.size()},
                          {"logs_to_delete", to_delete}};
   return Finish(options,
-                begin,
                 document,
                 fmt::format("{} of {} areas collected\n", areas.size(), collected.size()),
+                &night,
                 &context);
 }
 

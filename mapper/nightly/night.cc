@@ -18,7 +18,6 @@
 #include "mapstore/codec/shift_report.h"
 #include "mapstore/core/clock.h"
 #include "mapstore/core/inert_text.h"
-#include "mapstore/core/lock_file.h"
 #include "mapstore/map/sha256.h"
 
 namespace shiftmap {
@@ -288,10 +287,14 @@ int NightResult::versions() const {
       std::count_if(areas.begin(), areas.end(), [](const auto& area) { return area.published; }));
 }
 
-StatusOr<OwnedFd> LockNight(const std::string& store) {
-  SHIFTMAP_ASSIGN_OR_RETURN(std::optional<OwnedFd> lock, LockFile(store + ".nightly"));
-  if (lock) return *std::move(lock);
-  return Unavailable("map store '{}': another night is under way", store);
+StatusOr<std::vector<std::string>> BeginNight(const NightOptions& options,
+                                              Stamp begin,
+                                              Context& context,
+                                              NightLock* lock) {
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::optional<Stamp> interrupted, lock->Begin(begin));
+  if (!interrupted || !HasStore(options)) return std::vector<std::string>();
+  SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, Open(options, MapStore::Access::kReadOnly, context));
+  return NameUnreported(store, *interrupted, begin);
 }
 
 StatusOr<NightWork> FindWork(const NightOptions& options, Context& context) {

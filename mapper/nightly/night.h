@@ -7,9 +7,10 @@
 
 #include "mapper/nightly/area_logs.h"
 #include "mapper/nightly/area_night.h"
+#include "mapper/nightly/night_lock.h"
 #include "mapper/nightly/night_options.h"
 #include "mapstore/cli/context.h"
-#include "mapstore/core/owned_fd.h"
+#include "mapstore/core/stamp.h"
 #include "proto/core/status.h"
 
 namespace shiftmap {
@@ -32,9 +33,13 @@ struct NightResult {
   int versions() const;
 };
 
-/// One night at a time on a store: the lock ends with what is returned.
-/// Errors: kUnavailable if another night has it; as LockFile.
-StatusOr<OwnedFd> LockNight(const std::string& store);
+/// Begins a night under a lock. Returns what nights that were interrupted published or refused, a
+/// line each (NameUnreported).
+/// Errors: as NightLock::Begin; those of the store.
+StatusOr<std::vector<std::string>> BeginNight(const NightOptions& options,
+                                              Stamp begin,
+                                              Context& context,
+                                              NightLock* lock);
 
 /// Returns the reports that the store does not have, and finds the logs, each of one area. A log
 /// that names none is localized on all maps, once (LocateLog).

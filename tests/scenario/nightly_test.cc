@@ -16,6 +16,7 @@
 
 #include "mapstore/codec/run_log.h"
 #include "mapstore/codec/shift_report.h"
+#include "mapstore/core/clock.h"
 #include "mapstore/map/sha256.h"
 #include "mapstore/map_store.h"
 #include "tests/scenario/command.h"
@@ -498,6 +499,21 @@ TEST_F(NightlyTest, OneNightAtATime) {
   EXPECT_EQ(Night().exit_code, kTemporary);
   close(fd);
   EXPECT_EQ(Night().exit_code, 0);
+}
+
+// As a power cut leaves it after the map is published and before there is a page.
+TEST_F(NightlyTest, WhatAnInterruptedNightPublishedIsNamedOnTheNextPage) {
+  Bring(0, "monday");
+  ASSERT_EQ(Night().exit_code, 0);
+  std::ofstream(store_ + ".nightly") << ToNanoseconds(SystemNow()) - 600'000'000'000;
+  const std::string pages = world_.File("pages");
+  const CommandResult night = Night({"--min-age-s", "0", "--report", pages});
+  EXPECT_EQ(night.exit_code, kAttention) << night.err;
+  EXPECT_NE(night.err.find("area 'floor': version 1 was published since the night of"),
+            std::string::npos)
+      << night.err;
+  EXPECT_EQ(std::distance(fs::directory_iterator(pages), fs::directory_iterator()), 2);
+  EXPECT_EQ(Night().exit_code, kNothingToDo);
 }
 
 TEST_F(NightlyTest, ALogThatMayNotBeWholeWaitsForAnotherNight) {
