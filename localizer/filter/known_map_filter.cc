@@ -18,16 +18,28 @@ namespace {
 // Wheels wear and loads shift: the log-scales may wander by this much per √s.
 constexpr double kLogScaleWalk = 5e-4;
 
-// dq/dz for the position q that z measures. The range in it is a bound on the true one rather than
-// the measured one, which may be about zero.
-Eigen::Matrix2d DPositionDz(const Observation& observation, const Eigen::Matrix2d& cov_z) {
-  if (observation.kind == Observation::Kind::kCartesian) return Eigen::Matrix2d::Identity();
-  const double range = std::sqrt(observation.z.x() * observation.z.x() + cov_z(0, 0));
-  const double c = std::cos(observation.z.y());
-  const double s = std::sin(observation.z.y());
-  Eigen::Matrix2d dq_dz;
-  dq_dz << c, -range * s, s, range * c;
-  return dq_dz;
+// A mode that is known less exactly than this share of its distance is not where dq/dz is taken.
+constexpr double kVagueShare = 0.2;
+
+// Takes dq/dz at a position. The range in it is a bound on the true one rather than that of the
+// position, which may be about zero.
+void LinearizeAt(const Eigen::Vector2d& q, KnownMapFilter::Measurement* measurement) {
+  const double squared = q.squaredNorm();
+  const double norm = std::sqrt(squared);
+  const double range = std::sqrt(squared + measurement->cov_z(0, 0));
+  const double c = norm > 0.0 ? q.x() / norm : 1.0;
+  const double s = norm > 0.0 ? q.y() / norm : 0.0;
+  measurement->dq_dz << c, -range * s, s, range * c;
+  measurement->cov_noise = measurement->dq_dz * measurement->cov_z * measurement->dq_dz.transpose();
+}
+
+// Where a mode is expected, dq/dz does not depend on the noise of z. At the measured bearing it
+// would, and so would the gain: a vehicle that stands drifts about the landmark that it sees.
+void LinearizeAt(const KnownMapFilter::Point& point, KnownMapFilter::Measurement* measurement) {
+  const bool vague = point.relinearized ||
+                     !(point.cov_q.trace() < kVagueShare * kVagueShare * point.q.squaredNorm());
+  if (measurement->kind == Observation::Kind::kCartesian || vague) return;
+  LinearizeAt(point.q, measurement);
 }
 
 const Mode& ModeOf(const MapSnapshot& snapshot, ModeRef mode) {
@@ -281,10 +293,15 @@ KnownMapFilter::Measurement KnownMapFilter::Measure(const Observation& observati
                                                     const Eigen::Matrix2d& cov_z) {
   Measurement measurement;
   measurement.q = observation.PositionInVehicle();
-  measurement.dq_dz = DPositionDz(observation, cov_z);
-  measurement.cov_noise = measurement.dq_dz * cov_z * measurement.dq_dz.transpose();
+  measurement.cov_z = cov_z;
   measurement.log_m2_per_unit = std::log(SquareMetresPerUnit(observation));
   measurement.kind = observation.kind;
+  if (observation.kind == Observation::Kind::kCartesian) {
+    measurement.dq_dz.setIdentity();
+    measurement.cov_noise = cov_z;
+  } else {
+    LinearizeAt(measurement.q, &measurement);
+  }
   return measurement;
 }
 
@@ -293,6 +310,16 @@ bool KnownMapFilter::IsNonlinear(const Measurement& measurement, const Point& po
   const double yaw = P_(2, 2);
   const double second_order = 0.25 * yaw * (P_(0, 0) + P_(1, 1) + yaw * point.q.squaredNorm());
   return second_order > kMaxSecondOrder * kMaxSecondOrder * measurement.cov_noise.trace();
+}
+
+// By the second order of a correction, as above.
+bool KnownMapFilter::IsLinear(const Eigen::Vector3d& xi,
+                              const Measurement& measurement,
+                              const Point& point) {
+  const double turn = std::abs(xi.z());
+  const double second_order = 0.5 * turn * (xi.head<2>().norm() + turn * point.q.norm());
+  return second_order * second_order <
+         kMaxSecondOrder * kMaxSecondOrder * measurement.cov_noise.trace();
 }
 
 KnownMapFilter::Point KnownMapFilter::LinearizedAt(const Eigen::Vector3d& xi,
@@ -340,6 +367,9 @@ KnownMapFilter::Prediction KnownMapFilter::PredictObservation(const Measurement&
   for (int i = 0; i < kIterations; ++i) {
     const Eigen::Vector3d next = there.cov_state_z.topRows<3>() * there.S.inverse() * there.nu;
     if (!(std::abs(next.z()) < kMaxTurn)) return here;
+    // A point that follows the noise of the observation would, as LinearizeAt() says, make a pose
+    // drift where a landmark leaves it vague.
+    if (i == 0 && IsLinear(next, measurement, point)) return here;
     const bool rests = ((next - xi).array().abs() < kMaxStep * sd).all();
     xi = next;
     there = PredictLinear(measurement, LinearizedAt(xi, point));
@@ -349,11 +379,13 @@ KnownMapFilter::Prediction KnownMapFilter::PredictObservation(const Measurement&
   return here;
 }
 
-KnownMapFilter::Prediction KnownMapFilter::PredictLinear(const Measurement& measurement,
+KnownMapFilter::Prediction KnownMapFilter::PredictLinear(const Measurement& of,
                                                          const Point& point) const {
   Prediction prediction;
   prediction.point = point;
-  prediction.measurement = measurement;
+  prediction.measurement = of;
+  Measurement& measurement = prediction.measurement;
+  LinearizeAt(point, &measurement);
   prediction.nu = measurement.q - point.q_linear;
 
   const SensorBias& bias = BiasOf(measurement.kind);
@@ -508,8 +540,9 @@ KnownMapFilter::Point KnownMapFilter::PredictPlace(const UnknownPlace& place) co
 }
 
 KnownMapFilter::Prediction KnownMapFilter::PredictPlace(const UnknownPlace& place,
-                                                        const Measurement& measurement) const {
-  Prediction prediction = PredictLinear(measurement, PredictPlace(place));
+                                                        const Measurement& of) const {
+  Prediction prediction = PredictLinear(of, PredictPlace(place));
+  const Measurement& measurement = prediction.measurement;
   const Eigen::Matrix2d cross =
       measurement.dq_dz * place.CrossBias(measurement.kind) * R_vehicle_map_.transpose();
   prediction.S += cross + cross.transpose();

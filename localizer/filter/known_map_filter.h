@@ -76,10 +76,11 @@ class KnownMapFilter {
   };
   Point PredictPoint(ModeRef mode, const MapSnapshot& snapshot) const;
 
-  /// An observation as the position that it measures, with the noise turned and scaled by it: the
-  /// same for every mode and every filter.
+  /// An observation as the position that it measures, with the noise turned and scaled by it; that
+  /// of a Prediction, by where the mode is expected.
   struct Measurement {
     Eigen::Vector2d q = Eigen::Vector2d::Zero();          ///< In the vehicle frame. [m]
+    Eigen::Matrix2d cov_z = Eigen::Matrix2d::Zero();      ///< In z's own units.
     Eigen::Matrix2d dq_dz = Eigen::Matrix2d::Zero();      ///< From z's own units to positions.
     Eigen::Matrix2d cov_noise = Eigen::Matrix2d::Zero();  ///< Of q, the sensor's alone. [m²]
     double log_m2_per_unit = 0.0;                         ///< log |dq/dz|.
@@ -150,7 +151,7 @@ class KnownMapFilter {
   void AdoptPlace(const UnknownPlace& place);
 
   /// As PredictObservation(), for a landmark that stands at a place.
-  Prediction PredictPlace(const UnknownPlace& place, const Measurement& measurement) const;
+  Prediction PredictPlace(const UnknownPlace& place, const Measurement& of) const;
   Point PredictPlace(const UnknownPlace& place) const;
 
   /// log p(z | all observations before) of a landmark at a place, as for a mode.
@@ -206,8 +207,11 @@ class KnownMapFilter {
   const SensorBias& BiasOf(Observation::Kind kind) const {
     return kind == Observation::Kind::kCartesian ? position_bias_ : range_bearing_bias_;
   }
-  Prediction PredictLinear(const Measurement& measurement, const Point& point) const;
+  Prediction PredictLinear(const Measurement& of, const Point& point) const;
   bool IsNonlinear(const Measurement& measurement, const Point& point) const;
+  static bool IsLinear(const Eigen::Vector3d& xi,
+                       const Measurement& measurement,
+                       const Point& point);
   // A point linearized at ξ = 0, linearized at another ξ.
   Point LinearizedAt(const Eigen::Vector3d& xi, const Point& point) const;
   Point PredictPoint(const Eigen::Vector2d& p_map_landmark,

@@ -100,13 +100,14 @@ class DenseFilter {
     const Eigen::Index n = P_.rows();
     const Eigen::Index row = 7 + Eigen::Index{2} * landmark;
     const Eigen::Matrix2d cov_z = ObservationNoise(observation, snapshot_.calibration().sensor);
-    // z as a position: its errors turn and scale with the bearing and the range.
-    const double range = std::sqrt(observation.z.x() * observation.z.x() + cov_z(0, 0));
-    const Eigen::Matrix2d turn = Eigen::Rotation2Dd(observation.z.y()).toRotationMatrix();
+    // z as a position: its errors turn and scale with where the landmark is expected.
+    const Eigen::Vector2d q = T_.Inverse() * point;
+    const double range = std::sqrt(q.squaredNorm() + cov_z(0, 0));
+    const Eigen::Matrix2d turn = Eigen::Rotation2Dd(std::atan2(q.y(), q.x())).toRotationMatrix();
     const Eigen::Matrix2d dq_dz = turn * Eigen::Vector2d(1.0, range).asDiagonal();
     Observation position = observation;
     position.kind = Observation::Kind::kCartesian;
-    position.z = turn * Eigen::Vector2d(observation.z.x(), 0.0);
+    position.z = observation.PositionInVehicle();
     const Innovation innovation = Linearize(position, T_, point);
     Eigen::MatrixXd H = Eigen::MatrixXd::Zero(2, n);
     H.leftCols<3>() = innovation.H_pose;
@@ -391,6 +392,43 @@ TEST(KnownMapFilter, IsConsistentOnAnUncertainMap) {
   const double nees = MeanNees(kRuns, 1.0);
   EXPECT_GT(kRuns * nees, ChiSquareQuantile(0.025, 3 * kRuns)) << nees;
   EXPECT_LT(kRuns * nees, ChiSquareQuantile(0.975, 3 * kRuns)) << nees;
+}
+
+// Noise of the sensor must not enter the gain, where its product with the innovation has a mean:
+// neither by dq/dz nor by where a vague pose is linearized.
+TEST(KnownMapFilter, AStandingVehicleStaysWhereItIs) {
+  MapContent content = CorrelatedMap(0.0, 0.02);
+  content.calibration.sensor.sd_range_m = 0.1;
+  content.calibration.sensor.sd_bearing_rad = 0.02;
+  const Eigen::Vector2d q(6.7, 2.1);
+  content.groups[0].modes[0].p_map_landmark = q;
+  const MapSnapshot snapshot = Snapshot(content);
+  for (const double sd : {0.03, 0.3}) {
+    double nees = 0.0;
+    constexpr int kRuns = 20;
+    for (std::uint64_t seed = 1; seed <= kRuns; ++seed) {
+      std::mt19937_64 random(seed);
+      std::normal_distribution<double> normal;
+      const Se2 start =
+          Se2::Exp({sd * normal(random), sd * normal(random), 0.3 * sd * normal(random)});
+      KnownMapFilter filter({start, Eigen::Vector3d(sd * sd, sd * sd, 0.09 * sd * sd).asDiagonal()},
+                            content.calibration);
+      for (int scan = 0; scan < 3000; ++scan) {
+        MotionIncrement stands;
+        stands.cov = 1e-10 * Eigen::Matrix3d::Identity();
+        filter.Predict(stands, 0.25);
+        Observation seen;
+        seen.kind = Observation::Kind::kRangeBearing;
+        seen.z = {q.norm() + 0.1 * normal(random),
+                  std::atan2(q.y(), q.x()) + 0.02 * normal(random)};
+        const Eigen::Matrix2d R = ObservationNoise(seen, content.calibration.sensor);
+        filter.Update(filter.PredictObservation(seen, R, {0, 1}, snapshot), {0, 1}, snapshot);
+      }
+      const PoseWithCovariance pose = filter.Pose();
+      nees += SquaredMahalanobis(pose.T_map_vehicle, Se2(), pose.cov_T_map_vehicle) / kRuns;
+    }
+    EXPECT_LT(nees, 4.2) << sd;  // χ²(3), and two deviations of its mean.
+  }
 }
 
 // NEES of a vehicle that stands before `modes` landmarks of the map and one that moved.

@@ -463,7 +463,7 @@ TEST(HypothesisBank, ADecisionIsRevisedByWhatComesAfterIt) {
   std::vector<TreeDecision> decisions;
   for (int i = 0; i < 12; ++i) {
     bank.Predict(turn, 0.3);
-    const double range = i == 0 ? 4.1 : 4.4;
+    const double range = i == 0 ? 4.1 : 4.45;
     const BankEvents events = bank.Correct(ScanOf(content, 0.3 * i, {range, -0.06 * (i + 1)}));
     decisions.insert(decisions.end(), events.decisions.begin(), events.decisions.end());
   }
