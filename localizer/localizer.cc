@@ -56,7 +56,7 @@ std::string Describe(const Observation& observation, Stamp stamp) {
                      observation.cov_z ? ", or its covariance" : "");
 }
 
-// Nobody knows where the vehicle looks, or odometry is silent and nobody will soon.
+// The heading is unknown; or odometry is silent, and it soon will be.
 bool HasNoHeading(const OdometryBuffer::Motion& motion, const PoseWithCovariance& pose) {
   const double limit = motion.silent_s > 0.0 ? kMaxYawSd : kNoYawSd;
   return pose.cov_T_map_vehicle(2, 2) > limit * limit;
@@ -98,7 +98,8 @@ Localizer::Localizer(MapSnapshot snapshot, const LocalizerOptions& options)
       sightings_(options.max_places) {
   const Status valid = options.Validate();
   SHIFTMAP_CHECK(valid.ok(), "{}", Message(valid));
-  if (options.max_delay_s > 0.0) buffer_.emplace(FromSeconds(options.max_delay_s));
+  const Duration max_delay = FromSeconds(options.max_delay_s);
+  if (max_delay > Duration::zero()) buffer_.emplace(max_delay);
 }
 
 Status Localizer::Process(const RunEvent& event) {
@@ -143,6 +144,7 @@ void Localizer::FlushPaused() {
 void Localizer::ForgetNew() {
   new_estimates_.clear();
   new_innovations_.clear();
+  new_decisions_.clear();
 }
 
 void Localizer::LocalizeDue() {
@@ -317,7 +319,10 @@ void Localizer::Step(const WindowScan& step) {
   JudgeMisses(step.scan, events);
   JudgeDecisions(events, step.scan.stamp);
   evidence_.insert(evidence_.end(), events.evidence.begin(), events.evidence.end());
-  for (const TreeDecision& made : events.decisions) decisions_.push_back(made.decision);
+  for (const TreeDecision& made : events.decisions) {
+    decisions_.push_back(made.decision);
+    new_decisions_.push_back(made.decision);
+  }
   // A restart replays scans that have had their estimate.
   if (!newest_estimate_ || step.scan.stamp > *newest_estimate_) {
     newest_estimate_ = step.scan.stamp;
@@ -558,7 +563,9 @@ void Localizer::TakeBackEstimate(Stamp stamp) {
 
 void Localizer::ForgetSince(Stamp stamp) {
   std::erase_if(evidence_, [&](const VisitEvidence& evidence) { return evidence.end >= stamp; });
-  std::erase_if(decisions_, [&](const Decision& decision) { return decision.stamp >= stamp; });
+  const auto is_since = [&](const Decision& decision) { return decision.stamp >= stamp; };
+  std::erase_if(decisions_, is_since);
+  std::erase_if(new_decisions_, is_since);
 }
 
 void Localizer::Initialize(const PoseWithCovariance& pose) {

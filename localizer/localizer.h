@@ -134,6 +134,10 @@ class Localizer {
   Eigen::VectorXd Probabilities(int group) const;
 
   const std::vector<Decision>& decisions() const { return decisions_; }
+
+  /// Those that the last Process() or Flush() made. A new start takes back decisions since the pose
+  /// was wrong, and makes them anew.
+  const std::vector<Decision>& new_decisions() const { return new_decisions_; }
   std::vector<UnmappedSighting> Sightings() const { return sightings_.Sightings(); }
   const MapSnapshot& snapshot() const { return snapshot_; }
 
@@ -212,6 +216,7 @@ class Localizer {
   LocalizerStatistics statistics_;
   std::vector<VisitEvidence> evidence_;
   std::vector<Decision> decisions_;
+  std::vector<Decision> new_decisions_;
   std::vector<PoseEstimate> new_estimates_;
   std::vector<StampedOutcome> new_innovations_;
   std::optional<Stamp> newest_estimate_;

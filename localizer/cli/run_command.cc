@@ -300,7 +300,7 @@ StatusOr<std::optional<ReturnResult>> WriteResults(const RunOptions& options,
         store,
         OpenStore(
             *options.store, MapStore::Access::kReadWrite, context, options.clock_tolerance_s));
-    // What the store refuses is better known before a file is written.
+    // Before a file is written, what the store would refuse.
     SHIFTMAP_RETURN_IF_ERROR(store->CheckClock(report));
     WarnOfUnsetClock(fmt::format("run log '{}'", options.run), report, context);
   }

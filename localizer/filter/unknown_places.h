@@ -9,7 +9,8 @@
 namespace shiftmap {
 
 /// A landmark seen nearer to a mode than this does not count as moved: map or pose may be less
-/// exact than they say. [m]
+/// exact than they say. At 0.4 m recorded robots whose range scale the map does not know take
+/// unmoved landmarks for moved. [m]
 inline constexpr double kMinDisplacement = 0.5;
 
 /// What is seen from viewpoints nearer to each other may be one outlier view, repeated. [m]

@@ -150,17 +150,19 @@ class HypothesisBank {
   double LogDetection(double in_view) const;
   ModeScore Score(const Leaf& leaf, const SeenObservation& seen, int state) const;
   double LogLikelihood(const Leaf& leaf, ModeRef mode, ModeScore* score) const;
-  double LogUngated(const Leaf& leaf,
-                    const SeenObservation& seen,
-                    const ModeScore& score,
-                    int state,
-                    PlaceBelief* belief) const;
+  // Log-likelihoods of what an observation is taken for; the leaf or its belief gets what that says
+  // of the landmark.
+  double TakeAsUngated(const Leaf& leaf,
+                       const SeenObservation& seen,
+                       const ModeScore& score,
+                       int state,
+                       PlaceBelief* belief) const;
 
-  double LogAbsent(const SeenObservation& seen,
-                   double weight,
-                   Leaf* leaf,
-                   PlaceBelief* belief) const;
-  double LogSameView(const SeenObservation& seen, double log_ungated, Leaf* leaf) const;
+  double TakeAsAbsent(const SeenObservation& seen,
+                      double weight,
+                      Leaf* leaf,
+                      PlaceBelief* belief) const;
+  double TakeAsSameView(const SeenObservation& seen, double log_ungated, Leaf* leaf) const;
   double LogAtPlace(const KnownMapFilter::Prediction& prediction,
                     const UnknownPlace& place,
                     const Leaf& leaf) const;
@@ -179,7 +181,7 @@ class HypothesisBank {
   }
   void MissPlace(const Leaf& leaf, PlaceBelief* belief) const;
 
-  // A bound on LogUngated() that costs less.
+  // A bound on TakeAsUngated() that costs less.
   static double LogUngatedAtMost(const SeenObservation& seen, const ModeScore& score);
 
   void OpenVisitsInView(const Scan& scan);

@@ -128,11 +128,11 @@ double HypothesisBank::LogLikelihood(const Leaf& leaf, ModeRef mode, ModeScore* 
   return *score->log_likelihood;
 }
 
-double HypothesisBank::LogUngated(const Leaf& leaf,
-                                  const SeenObservation& seen,
-                                  const ModeScore& score,
-                                  int state,
-                                  PlaceBelief* belief) const {
+double HypothesisBank::TakeAsUngated(const Leaf& leaf,
+                                     const SeenObservation& seen,
+                                     const ModeScore& score,
+                                     int state,
+                                     PlaceBelief* belief) const {
   double log_clutter = seen.log_false_alarm;
   AddMiss(state, score.log_miss, Occluded(), belief, &log_clutter);
   const auto prediction = leaf.filter.PredictObservation(seen.outlier, score.prediction.point);
@@ -143,10 +143,10 @@ double HypothesisBank::LogUngated(const Leaf& leaf,
 
 // Under `absent` an observation is clutter or a new place, or the landmark at the place where it
 // was seen before. Of places one is kept, the likeliest.
-double HypothesisBank::LogAbsent(const SeenObservation& seen,
-                                 double weight,
-                                 Leaf* leaf,
-                                 PlaceBelief* belief) const {
+double HypothesisBank::TakeAsAbsent(const SeenObservation& seen,
+                                    double weight,
+                                    Leaf* leaf,
+                                    PlaceBelief* belief) const {
   const UnknownPlace* const place =
       belief->place_probability > 0.0 ? leaf->filter.FindPlace(seen.group) : nullptr;
   if (!place) {
@@ -195,9 +195,9 @@ double HypothesisBank::LogAbsent(const SeenObservation& seen,
 // One outlier view repeats itself until the landmark is seen from apart, whatever the mode: so what
 // it says once for `absent` it does not say again with each scan. A leaf that is resolved remembers
 // where it was.
-double HypothesisBank::LogSameView(const SeenObservation& seen,
-                                   double log_ungated,
-                                   Leaf* leaf) const {
+double HypothesisBank::TakeAsSameView(const SeenObservation& seen,
+                                      double log_ungated,
+                                      Leaf* leaf) const {
   const UnknownPlace* const place = leaf->filter.FindPlace(seen.group);
   if (place && IsSeenFromApart(*place)) return log_ungated;
   if (place) {
@@ -365,7 +365,7 @@ void HypothesisBank::Branch(const SeenObservation& seen, double weight, bool hea
       tree_.leaves().Keep(leaf);
       return;
     }
-    const double log_ungated = LogUngated(*leaf, seen, score, state, &belief);
+    const double log_ungated = TakeAsUngated(*leaf, seen, score, state, &belief);
     explained = explained || score.prediction.nis <= gate_;
     if (unresolved) {
       if (score.prediction.nis < kMaxForkNis) {
@@ -380,7 +380,7 @@ void HypothesisBank::Branch(const SeenObservation& seen, double weight, bool hea
       tree_.leaves().Keep(leaf);
       return;
     } else {
-      leaf->log_weight += weight * LogSameView(seen, log_ungated, leaf);
+      leaf->log_weight += weight * TakeAsSameView(seen, log_ungated, leaf);
     }
   }
   if (!unresolved) {
@@ -391,7 +391,7 @@ void HypothesisBank::Branch(const SeenObservation& seen, double weight, bool hea
       const UnknownPlace* const place =
           belief.place_probability > 0.0 ? leaf->filter.FindPlace(seen.group) : nullptr;
       const bool same_view = place && !explained && !IsSeenFromApart(*place);
-      const double log_absent = LogAbsent(seen, weight, leaf, &belief);
+      const double log_absent = TakeAsAbsent(seen, weight, leaf, &belief);
       belief.log_p[0] += log_absent;
       if (same_view) log_same_view = log_absent;
     }

@@ -105,9 +105,9 @@ class HypothesisTree {
   /// Forgets beliefs outside of visits about which all leaves agree by now.
   void ReleaseAgreedBeliefs();
 
-  /// The sequential tests of all visits, T-IV (17), (18). A decision is said, and leaves that speak
-  /// against it stay until they are rejected: the other groups' decisions rest on the same pose,
-  /// and would else be as wrong as the first without knowing.
+  /// The sequential tests of all visits, T-IV (17), (18). Leaves that contradict a
+  /// decision stay until they are rejected: all decisions share the pose, and to remove these
+  /// leaves would pass one error on to the others.
   void Test(const Groups& groups, Stamp now, std::vector<TreeDecision>* decisions);
 
   /// Merges and bounds the leaves; weights sum to 1 after it.

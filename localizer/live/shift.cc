@@ -105,12 +105,8 @@ void Shift::ReportEvents(std::vector<Event>* events) {
     told_state_ = localizer_.state();
     events->emplace_back(StateEvent{now_, told_state_});
   }
-  const std::vector<Decision>& decisions = localizer_.decisions();
-  // A restart takes decisions back.
-  told_decisions_ = std::min(told_decisions_, decisions.size());
-  for (; told_decisions_ < decisions.size(); ++told_decisions_) {
-    events->emplace_back(decisions[told_decisions_]);
-  }
+  const std::vector<Decision>& made = localizer_.new_decisions();
+  events->insert(events->end(), made.begin(), made.end());
 }
 
 bool Shift::Stands() const {

@@ -84,7 +84,6 @@ class Shift {
   std::optional<Stamp> standing_since_;
   std::int64_t corrected_scans_ = 0;  // Localized, as of the last item.
   LocalizerState told_state_ = LocalizerState::kInitializing;
-  std::size_t told_decisions_ = 0;
 };
 
 }  // namespace shiftmap::live

@@ -127,10 +127,6 @@ Status Outbox::Load() {
       options_.warn(fmt::format("outbox '{}' is damaged, and begun anew: {}", path, error.what()));
     }
   }
-  // The process may have ended before it deleted them.
-  for (const auto& [name, item] : items_) {
-    if (item.state == OutboxState::kAcknowledged) unlink(PathOf(name).c_str());
-  }
   return OkStatus();
 }
 

@@ -20,6 +20,7 @@ namespace {
 
 struct Outcome {
   std::vector<PoseEstimate> poses;
+  std::vector<Decision> told;  // When they were made.
   ShiftReport report;
   LocalizerStatistics statistics;
   double rmse_m = 0.0;
@@ -35,6 +36,8 @@ Outcome Localize(const MapContent& content,
     EXPECT_TRUE(status.ok()) << Message(status);
     outcome.poses.insert(
         outcome.poses.end(), localizer.new_estimates().begin(), localizer.new_estimates().end());
+    outcome.told.insert(
+        outcome.told.end(), localizer.new_decisions().begin(), localizer.new_decisions().end());
   }
   localizer.Finish();
   outcome.report = localizer.Report();
@@ -278,6 +281,8 @@ TEST(Localizer, WhatAWrongStartConcludedIsNotReported) {
   int lost = 0;
   int right = 0;
   int wrong = 0;
+  std::size_t told = 0;
+  std::size_t standing = 0;
   for (int seed = 1; seed <= 40; ++seed) {
     SimulationOptions simulation;
     simulation.seed = static_cast<std::uint64_t>(seed);
@@ -292,8 +297,18 @@ TEST(Localizer, WhatAWrongStartConcludedIsNotReported) {
     ++lost;
     for (const Decision& decision : outcome.report.decisions) {
       ++(decision.mode == ModeNumber(1) ? right : wrong);
+      EXPECT_TRUE(std::any_of(outcome.told.begin(),
+                              outcome.told.end(),
+                              [&](const Decision& made) {
+                                return made.signature == decision.signature &&
+                                       made.mode == decision.mode && made.stamp == decision.stamp;
+                              }))
+          << seed << decision.signature.text();
     }
+    told += outcome.told.size();
+    standing += outcome.report.decisions.size();
   }
+  EXPECT_GT(told, standing);
   EXPECT_GT(lost, 30);
   EXPECT_GT(right, 400);
   EXPECT_LT(wrong, 10);
