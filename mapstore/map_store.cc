@@ -391,8 +391,7 @@ StatusOr<std::vector<std::string>> MapStore::ExcludedRunsOf(const std::string& a
                             ReadLineRuns(database, row.version_id));
   std::vector<std::string> names;
   for (const auto& [run, of, committed] : runs) {
-    const Exclusion* const exclusion =
-        FindExclusion(exclusions, run.identity(), run.vehicle, run.begin);
+    const Exclusion* const exclusion = FindExclusion(exclusions, run);
     if (exclusion != nullptr && !exclusion->held) names.push_back(run.name);
   }
   return names;

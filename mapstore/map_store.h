@@ -31,7 +31,8 @@ namespace shiftmap {
 /// of time, whatever order they arrived in (mapstore/METHOD.md; the file: FORMATS.md).
 ///
 /// Every write is one durable transaction: after OK it survives a power failure, after an error the
-/// store is as before. Threads: one thread per object; several processes may use one file.
+/// store is as before or, where the disk failed at the very end, as after it. Threads: one thread
+/// per object; several processes may use one file.
 ///
 /// Errors, of every function: kFailedPrecondition if the file is not a map store, or of a newer
 /// schema, or if a write meets kReadOnly; kDataLoss if it is damaged; kUnavailable if it is locked

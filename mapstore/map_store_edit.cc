@@ -57,9 +57,9 @@ StatusOr<double> EvidenceSeconds(Database& database,
 }
 
 // The identities of runs that a person names, each once.
-Status FindRuns(Database& database, std::vector<std::string>* runs) {
+Status FindRuns(Database& database, std::int64_t area_id, std::vector<std::string>* runs) {
   for (std::string& run : *runs) {
-    SHIFTMAP_ASSIGN_OR_RETURN(run, FindRun(database, run));
+    SHIFTMAP_ASSIGN_OR_RETURN(run, FindRun(database, area_id, run));
   }
   std::sort(runs->begin(), runs->end());
   runs->erase(std::unique(runs->begin(), runs->end()), runs->end());
@@ -171,8 +171,8 @@ StatusOr<EditResult> MapStore::Edit(const std::string& area, MapEdit edit, bool 
         EvidenceSeconds(database, area_id, published, map.names().Name(edit.landmark)));
   }
   if (edit.kind == EditKind::kSplit) {
-    SHIFTMAP_RETURN_IF_ERROR(FindRuns(database, &edit.first_runs));
-    SHIFTMAP_RETURN_IF_ERROR(FindRuns(database, &edit.second_runs));
+    SHIFTMAP_RETURN_IF_ERROR(FindRuns(database, area_id, &edit.first_runs));
+    SHIFTMAP_RETURN_IF_ERROR(FindRuns(database, area_id, &edit.second_runs));
     if (const Status valid = ValidateEdit(edit); !valid.ok()) return refuse(valid);
   }
   if (edit.kind == EditKind::kCalibration) {
@@ -264,7 +264,8 @@ StatusOr<EditResult> MapStore::UndoEdit(const std::string& area,
     SHIFTMAP_ASSIGN_OR_RETURN(std::set<EditId> wanted, EditsThatStay(database, area_id, published));
     wanted.erase(id);
     const StatusOr<EditedMap> map = RecomputeContent(database, area_id, published, wanted, false);
-    if (!map.ok() && map.status().code() != StatusCode::kFailedPrecondition) {
+    const StatusCode code = map.status().code();
+    if (code == StatusCode::kNotFound || code == StatusCode::kInvalidArgument) {
       return FailedPrecondition("{}: edit {}: another one needs it: {}",
                                 state_->AreaName(area),
                                 id.value(),

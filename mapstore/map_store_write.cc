@@ -224,6 +224,18 @@ StatusOr<CommitResult> MapStore::Commit(const std::string& area,
                       DescribeVersion(area_row.published),
                       DescribeVersion(expected));
   }
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<Exclusion> exclusions,
+                            ReadExclusions(database, area_row.area_id));
+  for (const RunRecord& run : provenance.runs) {
+    const Exclusion* const exclusion = FindExclusion(exclusions, run);
+    if (exclusion == nullptr) continue;
+    return MakeStatus(StatusCode::kAborted,
+                      "{}: run '{}' was {} since the build began: {}",
+                      state_->AreaName(area),
+                      run.name,
+                      exclusion->held ? "held" : "excluded",
+                      exclusion->reason);
+  }
   SHIFTMAP_ASSIGN_OR_RETURN(version.ledger_position, ReadLedgerPosition(database));
   if (options.ledger_position) {
     version.ledger_position = std::min(version.ledger_position, *options.ledger_position);
@@ -338,8 +350,10 @@ Status MapStore::State::ChangeExclusion(const std::string& area,
   }
   SHIFTMAP_ASSIGN_OR_RETURN(Transaction transaction, Change(dry_run));
   SHIFTMAP_ASSIGN_OR_RETURN(const AreaRow area_row, GetArea(database, area));
+  std::set<std::string> names;
   if (!exclusion.run.empty()) {
-    SHIFTMAP_ASSIGN_OR_RETURN(exclusion.run, FindRun(database, exclusion.run));
+    SHIFTMAP_ASSIGN_OR_RETURN(exclusion.run, FindRun(database, area_row.area_id, exclusion.run));
+    SHIFTMAP_ASSIGN_OR_RETURN(names, NamesOfRun(database, area_row.area_id, exclusion.run));
   }
   const std::string subject = exclusion.vehicle.empty()
                                   ? fmt::format("run {}", exclusion.run)
@@ -358,8 +372,14 @@ Status MapStore::State::ChangeExclusion(const std::string& area,
                         exclusion.held ? "excluded or held" : "excluded");
     }
   } else {
-    SHIFTMAP_ASSIGN_OR_RETURN(const bool ended,
-                              EndExclusion(database, area_row.area_id, exclusion, now));
+    SHIFTMAP_ASSIGN_OR_RETURN(bool ended, EndExclusion(database, area_row.area_id, exclusion, now));
+    for (const std::string& name : names) {
+      Exclusion by_name = exclusion;
+      by_name.run = name;
+      SHIFTMAP_ASSIGN_OR_RETURN(const bool also,
+                                EndExclusion(database, area_row.area_id, by_name, now));
+      ended = ended || also;
+    }
     if (!ended) return NotFound("{}: {}: is neither excluded nor held", AreaName(area), subject);
   }
   SHIFTMAP_RETURN_IF_ERROR(

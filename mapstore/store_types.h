@@ -67,11 +67,15 @@ struct Exclusion {
 
 /// The first exclusion that is about a run, or null. In the order of MapStore::Exclusions, a hold
 /// hides no exclusion.
-/// @param run  RunRecord::identity, or UUID of the report of a shift that left no log.
+/// @param run     RunRecord::identity, or UUID of the report of a shift that left no log.
+/// @param sha256  Of its log, by which it may have been excluded before anything else of it was
+///                known; empty if it left none.
 const Exclusion* FindExclusion(const std::vector<Exclusion>& exclusions,
                                const std::string& run,
+                               const std::string& sha256,
                                const std::string& vehicle,
                                Stamp begin);
+const Exclusion* FindExclusion(const std::vector<Exclusion>& exclusions, const RunRecord& run);
 
 struct CommitOptions {
   /// The version the content was made from; nothing for a map without a prior.

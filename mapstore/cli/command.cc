@@ -45,8 +45,9 @@ std::string RefuseOtherThanInteger(const std::string& text) {
   if (std::is_unsigned_v<Integer> && text.starts_with('-')) {
     return fmt::format("Value {} is negative", text);
   }
-  Integer value = 0;
-  if (CLI::detail::lexical_cast(text, value)) return "";
+  // It would also read hexadecimal and octal numbers, and the largest integer for what is beyond
+  // it.
+  if (ParseWhole<Integer>(text.starts_with('+') ? text.substr(1) : text)) return "";
   const bool number = ParseWhole<double>(text).has_value();
   return fmt::format("'{}' is {}", text, number ? "no integer in range" : "no number");
 }
@@ -237,6 +238,7 @@ Command& Command::Watchable(std::function<bool()> looks) {
       ->add_option(
           "--watch", state_->common->watch_s, "Look again every SECONDS until it is interrupted")
       ->type_name("SECONDS")
+      ->check(RefuseOtherThanFinite)
       ->check(CLI::Range(kLeastWatchS, kMostWatchS));
   if (looks == nullptr) return *this;
   return Check([common = state_->common, looks = std::move(looks)] {

@@ -108,6 +108,11 @@ ShiftReport FromProto(const proto::ShiftReport& in) {
   return report;
 }
 
+std::int64_t ItemsIn(const proto::ShiftReport& report) {
+  return std::int64_t{report.evidence_size()} + report.decision_size() + report.sighting_size() +
+         report.dropped_size() + (report.run_uuid().empty() ? 0 : 1);
+}
+
 Status CheckSize(std::size_t bytes) {
   if (bytes <= kMaxReportBytes) return OkStatus();
   return InvalidArgument("above {} bytes", kMaxReportBytes);
@@ -134,6 +139,7 @@ Status WriteChecked(const ShiftReport& report, const std::string& path) {
 }  // namespace
 
 std::string EncodeShiftReport(const ShiftReport& report) {
+  proto::ShiftReport first;  // Messages that follow each other are one.
   proto::ShiftReport out;
   out.set_uuid(report.uuid);
   out.set_vehicle(report.vehicle);
@@ -149,12 +155,16 @@ std::string EncodeShiftReport(const ShiftReport& report) {
   for (const Decision& decision : report.decisions) ToProto(decision, out.add_decision());
   for (const UnmappedSighting& sighting : report.sightings) ToProto(sighting, out.add_sighting());
   for (const DroppedCount& dropped : report.dropped) ToProto(dropped, out.add_dropped());
-  return out.SerializeAsString();
+  first.set_items(ItemsIn(out));
+  return first.SerializeAsString() + out.SerializeAsString();
 }
 
 StatusOr<ShiftReport> DecodeShiftReport(const std::string& bytes) {
   SHIFTMAP_RETURN_IF_ERROR(CheckSize(bytes.size()));
   SHIFTMAP_ASSIGN_OR_RETURN(const auto message, ParseProto<proto::ShiftReport>(bytes));
+  if (message.items() != 0 && message.items() != ItemsIn(message)) {
+    return InvalidArgument("cut off: it has {} of {} items", ItemsIn(message), message.items());
+  }
   ShiftReport report = FromProto(message);
   SHIFTMAP_RETURN_IF_ERROR(ValidateShiftReport(report));
   return report;

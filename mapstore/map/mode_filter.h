@@ -65,20 +65,9 @@ bool StateLogLikelihoods(const LandmarkGroup& group,
 /// The group's own probabilities.
 ModeState StartModes(const LandmarkGroup& group, Stamp stamp);
 
-/// One visit of a filter that goes through them in the order of time: T-IV (13, 14), with what one
-/// vehicle can say bounded.
-///
-/// The chain moves to the begin of the visit, p <- Πᵀ(begin - stamp) p; the visit's likelihoods
-/// enter, normalized; and the stamp becomes its end: a landmark does not change mode inside a
-/// visit. The chain is never run backwards: where visits overlap no time passes, and if the first
-/// begins before the prior's stamp, the prior holds at its begin.
-///
-/// A vehicle's turn is a mistake with a prior probability ε. A mistake says nothing
-/// of where the landmark is; its visits agree with each other as if it had its own landmark. So
-/// with r the filter that takes the visits, and q the chain filtered over the turn alone, each
-/// visit changes the odds of a mistake by Σ_k q_k exp(L_k) / Σ_k r_k exp(L_k). A vehicle that
-/// contradicts the others is believed by no more odds than 1 / ε, however many its visits are, and
-/// one that is alone is believed as if there were no mistakes, but for that probability.
+/// One visit of a filter that goes through them in the order of time, T-IV (13, 14), with what one
+/// vehicle can say bounded (mapstore/METHOD.md). If the first visit begins before the prior's
+/// stamp, the prior holds at its begin.
 ///
 /// @param vehicle  VehicleKey of its name.
 /// @param records  Have ε of the vehicle, and that of the one whose turn the visit ends.

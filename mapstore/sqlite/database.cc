@@ -62,6 +62,7 @@ Status CheckFile(const std::string& path, Database::Mode mode) {
     }
     return FailedPrecondition("{}: not a map store: not a regular file", NameOf(path));
   }
+  if (errno == EACCES) return Unavailable("{}: {}", NameOf(path), std::strerror(errno));
   if (mode != Database::Mode::kReadWriteCreate) {
     return NotFound("{}: does not exist", NameOf(path));
   }

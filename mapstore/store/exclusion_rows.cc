@@ -90,17 +90,19 @@ StatusOr<bool> WasIncluded(Database& database, std::int64_t area_id, const std::
   return query.Step();
 }
 
-StatusOr<std::string> FindRun(Database& database, const std::string& given) {
+StatusOr<std::string> FindRun(Database& database, std::int64_t area_id, const std::string& given) {
   const std::string text = IsUuid(given) ? LowerCaseUuid(given) : given;
   SHIFTMAP_ASSIGN_OR_RETURN(
       Statement query,
-      database.Prepare("SELECT identity FROM run WHERE substr(identity, 1, length(?1)) = ?1 "
-                       "OR substr(sha256, 1, length(?1)) = ?1 OR name = ?1 UNION "
-                       "SELECT identity FROM shift_report "
-                       "WHERE substr(identity, 1, length(?1)) = ?1 "
-                       "OR substr(uuid, 1, length(?1)) = ?1 "
-                       "OR substr(run_hash, 1, length(?1)) = ?1"));
-  query.Bind(text);
+      database.Prepare(
+          "SELECT identity FROM run JOIN version_run USING (run_id) JOIN version USING "
+          "(version_id) "
+          "WHERE area_id = ?2 AND (substr(identity, 1, length(?1)) = ?1 "
+          "OR substr(sha256, 1, length(?1)) = ?1 OR name = ?1) UNION "
+          "SELECT identity FROM shift_report JOIN version USING (version_id) "
+          "WHERE area_id = ?2 AND (substr(identity, 1, length(?1)) = ?1 "
+          "OR substr(uuid, 1, length(?1)) = ?1 OR substr(run_hash, 1, length(?1)) = ?1)"));
+  query.Bind(text, area_id);
   SHIFTMAP_ASSIGN_OR_RETURN(const bool found, query.Step());
   if (!found) {
     // A run that has not come yet.
@@ -117,16 +119,39 @@ StatusOr<std::string> FindRun(Database& database, const std::string& given) {
   return InvalidArgument("{}: more than one run is or begins with '{}'", database.name(), text);
 }
 
+StatusOr<std::set<std::string>> NamesOfRun(Database& database,
+                                           std::int64_t area_id,
+                                           const std::string& identity) {
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      Statement query,
+      database.Prepare("SELECT sha256 FROM run WHERE identity = ?1 UNION "
+                       "SELECT r.run_hash FROM shift_report r JOIN version USING (version_id) "
+                       "WHERE identity = ?1 AND area_id = ?2 AND run_hash <> ''"));
+  query.Bind(identity, area_id);
+  std::set<std::string> names{identity};
+  for (;;) {
+    SHIFTMAP_ASSIGN_OR_RETURN(const bool row, query.Step());
+    if (!row) return names;
+    names.insert(query.Text(0));
+  }
+}
+
 const Exclusion* FindExclusion(const std::vector<Exclusion>& exclusions,
                                const std::string& run,
+                               const std::string& sha256,
                                const std::string& vehicle,
                                Stamp begin) {
   const auto found =
       std::find_if(exclusions.begin(), exclusions.end(), [&](const Exclusion& exclusion) {
-        return exclusion.vehicle.empty() ? exclusion.run == run
-                                         : exclusion.vehicle == vehicle && begin >= exclusion.since;
+        return exclusion.vehicle.empty()
+                   ? exclusion.run == run || (!sha256.empty() && exclusion.run == sha256)
+                   : exclusion.vehicle == vehicle && begin >= exclusion.since;
       });
   return found == exclusions.end() ? nullptr : &*found;
+}
+
+const Exclusion* FindExclusion(const std::vector<Exclusion>& exclusions, const RunRecord& run) {
+  return FindExclusion(exclusions, run.identity(), run.sha256, run.vehicle, run.begin);
 }
 
 }  // namespace shiftmap

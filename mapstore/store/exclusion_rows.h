@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -31,10 +32,15 @@ StatusOr<bool> EndExclusion(Database& database,
 /// Whether one of a run was taken back.
 StatusOr<bool> WasIncluded(Database& database, std::int64_t area_id, const std::string& run);
 
-/// The run that is meant: a SHA-256 as it is, known or not; the log of a report if it has one, else
-/// the report's UUID; or the only one that the store knows by these first digits, or of which a log
-/// of that name was mapped.
-/// Errors: kInvalidArgument if it may be several; kNotFound if it is none.
-StatusOr<std::string> FindRun(Database& database, const std::string& text);
+/// The run of an area that is meant: a SHA-256 as it is, known or not; the log of a report if it
+/// has one, else the report's UUID; or the only one that the area knows by these first digits, or
+/// of which a log of that name was mapped. Errors: kInvalidArgument if it may be several; kNotFound
+/// if it is none.
+StatusOr<std::string> FindRun(Database& database, std::int64_t area_id, const std::string& text);
+
+/// A run's identity, and the SHA-256 of each log of it that is known.
+StatusOr<std::set<std::string>> NamesOfRun(Database& database,
+                                           std::int64_t area_id,
+                                           const std::string& identity);
 
 }  // namespace shiftmap

@@ -167,12 +167,12 @@ StatusOr<std::optional<SetAside>> LedgerView::ExclusionOf(std::int64_t run_id) {
   if (!is_new) return found->second;
   SHIFTMAP_ASSIGN_OR_RETURN(
       Statement run,
-      database_->Prepare("SELECT identity, vehicle, begin_ns FROM run WHERE run_id = ?1"));
+      database_->Prepare("SELECT identity, sha256, vehicle, begin_ns FROM run WHERE run_id = ?1"));
   run.Bind(run_id);
   SHIFTMAP_ASSIGN_OR_RETURN(const bool there, run.Step());
   if (!there) return found->second;
-  const Exclusion* const exclusion =
-      FindExclusion(*exclusions, run.Text(0), run.Text(1), StampFromNanoseconds(run.Int64(2)));
+  const Exclusion* const exclusion = FindExclusion(
+      *exclusions, run.Text(0), run.Text(1), run.Text(2), StampFromNanoseconds(run.Int64(3)));
   if (exclusion != nullptr) {
     found->second = exclusion->held ? SetAside::kHeld : SetAside::kExcluded;
   }
@@ -201,7 +201,7 @@ StatusOr<LedgerView::Whole> LedgerView::JudgeWhole(std::int64_t report_id) {
   if (found != reports_.end()) return found->second;
   SHIFTMAP_ASSIGN_OR_RETURN(
       Statement report,
-      database_->Prepare("SELECT superseded, identity, vehicle, begin_ns, received_ns "
+      database_->Prepare("SELECT superseded, identity, run_hash, vehicle, begin_ns, received_ns "
                          "FROM shift_report WHERE report_id = ?1"));
   report.Bind(report_id);
   SHIFTMAP_ASSIGN_OR_RETURN(const bool there, report.Step());
@@ -212,13 +212,16 @@ StatusOr<LedgerView::Whole> LedgerView::JudgeWhole(std::int64_t report_id) {
     if (superseded) whole.reason = SetAside::kSameRun;
   }
   if (there && !exclusions->empty()) {
-    const Exclusion* const exclusion = FindExclusion(
-        *exclusions, report.Text(1), report.Text(2), StampFromNanoseconds(report.Int64(3)));
+    const Exclusion* const exclusion = FindExclusion(*exclusions,
+                                                     report.Text(1),
+                                                     report.Text(2),
+                                                     report.Text(3),
+                                                     StampFromNanoseconds(report.Int64(4)));
     if (exclusion != nullptr) {
       whole.reason = exclusion->held ? SetAside::kHeld : SetAside::kExcluded;
     }
   }
-  if (there && known_ && StampFromNanoseconds(report.Int64(4)) > *known_) {
+  if (there && known_ && StampFromNanoseconds(report.Int64(5)) > *known_) {
     whole.reason = SetAside::kUnknown;
   }
   SHIFTMAP_ASSIGN_OR_RETURN(
@@ -246,7 +249,8 @@ StatusOr<bool> LedgerView::IsSuperseded(std::int64_t report_id) {
   SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<Exclusion>* const exclusions, Exclusions());
   SHIFTMAP_ASSIGN_OR_RETURN(
       Statement others,
-      database_->Prepare(fmt::format("SELECT o.version_id, o.identity, o.vehicle, o.begin_ns {} "
+      database_->Prepare(fmt::format("SELECT o.version_id, o.identity, o.run_hash, o.vehicle, "
+                                     "o.begin_ns {} "
                                      "AND {} AND o.received_ns <= ?2",
                                      SameRunSql(),
                                      kComesBeforeSql)));
@@ -255,10 +259,11 @@ StatusOr<bool> LedgerView::IsSuperseded(std::int64_t report_id) {
     SHIFTMAP_ASSIGN_OR_RETURN(const bool row, others.Step());
     if (!row) return false;
     SHIFTMAP_ASSIGN_OR_RETURN(const Place place, PlaceOf(others.Int64(0)));
-    const bool counts =
-        FindExclusion(
-            *exclusions, others.Text(1), others.Text(2), StampFromNanoseconds(others.Int64(3))) ==
-        nullptr;
+    const bool counts = FindExclusion(*exclusions,
+                                      others.Text(1),
+                                      others.Text(2),
+                                      others.Text(3),
+                                      StampFromNanoseconds(others.Int64(4))) == nullptr;
     if (place.relation != Relation::kOther && counts) return true;
   }
 }

@@ -52,6 +52,7 @@ class StoreModel {
 
   /// Probabilities of every group at a time.
   std::vector<Eigen::VectorXd> ProbabilitiesAt(std::size_t version, Stamp at) const;
+  bool IsExcluded(const std::string& run, const std::string& vehicle, Stamp begin) const;
 
  private:
   bool Counts(std::size_t report, const VisitEvidence& visit, std::size_t version) const;
@@ -61,7 +62,6 @@ class StoreModel {
   std::vector<EvidenceRow> RowsOf(const LandmarkGroup& group, std::size_t version, Stamp at) const;
   bool IsOfLine(std::size_t other, std::size_t version) const;
   bool IsSuperseded(std::size_t report, std::size_t version) const;
-  bool IsExcluded(const std::string& run, const std::string& vehicle, Stamp begin) const;
 
   std::vector<Version> versions_;
   std::vector<ShiftReport> reports_;

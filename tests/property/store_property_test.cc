@@ -126,6 +126,14 @@ class StoreHistory : public ::testing::TestWithParam<int> {
       EXPECT_THAT(result, StatusIs(StatusCode::kInvalidArgument, "is mapped already"));
       return;
     }
+    const bool excluded =
+        std::any_of(version.runs.begin(), version.runs.end(), [&](const RunRecord& run) {
+          return model_.IsExcluded(run.identity(), run.vehicle, run.begin);
+        });
+    if (excluded) {
+      EXPECT_THAT(result, StatusIs(StatusCode::kAborted, "since the build began"));
+      return;
+    }
     ASSERT_THAT(result, IsOk());
     hashes_.push_back(result->content_hash);
     const std::size_t index = model_.Commit(std::move(version));

@@ -35,6 +35,7 @@ const Exclusion* ExclusionOf(const ReportSummary& report,
                              const std::vector<Exclusion>& exclusions) {
   return FindExclusion(exclusions,
                        report.run_hash.empty() ? report.uuid : report.run_hash,
+                       report.run_hash,
                        report.vehicle,
                        report.begin);
 }

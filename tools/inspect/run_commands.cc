@@ -104,8 +104,7 @@ Status List(const RunsArguments& all_arguments, Context& context) {
   Json list = Json::array();
   AlignedTable table({"run", "state", "vehicle", "begin", "version", "sha256", "duration_s"});
   for (const auto& [run, mapped_by, committed] : runs) {
-    const Exclusion* const exclusion =
-        FindExclusion(exclusions, run.identity(), run.vehicle, run.begin);
+    const Exclusion* const exclusion = FindExclusion(exclusions, run);
     const std::string state = exclusion == nullptr ? "" : StateText(*exclusion);
     list.push_back({{"run", run.name},
                     {"vehicle", run.vehicle},

@@ -37,7 +37,7 @@ Status RunView(const ViewArguments& arguments, Context& context) {
     SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, OpenStore(arguments.store, context));
     return MapHtml(arguments.store, arguments.replay, &store);
   };
-  // What is wrong with the store is better known before a browser asks.
+  // Fails before a browser asks if the store cannot be read.
   SHIFTMAP_RETURN_IF_ERROR(make_page().status());
   SHIFTMAP_ASSIGN_OR_RETURN(ViewServer server, ViewServer::Start(wanted, make_page));
   const std::string url = server.address().Url();

@@ -418,6 +418,14 @@ TEST_F(EditTest, EditsAreTakenBackInAnyOrderUnlessOneNeedsAnother) {
   ExpectClean();
 }
 
+TEST_F(EditTest, DamageIsNoEditThatAnotherOneNeeds) {
+  const EditResult retired = Edit(Make(EditKind::kRetire, 0));
+  StatusOr<Database> database = Database::Open(path_, {Database::Mode::kReadWrite});
+  ASSERT_THAT(database->Execute("UPDATE mode SET x_m = x_m + 1"), IsOk());
+  EXPECT_THAT(store_.UndoEdit("floor", retired.edit, {"surveyor", "test", {}}),
+              StatusIs(StatusCode::kDataLoss, ""));
+}
+
 TEST_F(EditTest, WhatCannotBeDoneIsRefusedAndLeavesNothing) {
   const auto undo = [&](int id, const std::string& reason) {
     return store_.UndoEdit("floor", EditId(id), {"surveyor", reason, {}});

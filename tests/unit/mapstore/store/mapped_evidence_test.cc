@@ -381,6 +381,49 @@ TEST_F(MappedEvidenceTest, ARunIsExcludedByItsUuidInCapitals) {
   EXPECT_NE(At1(At(900.0)), before);
 }
 
+// A night names a log by its hash, and an operator excludes that before a report about it comes.
+TEST_F(MappedEvidenceTest, ARunIsExcludedByTheHashOfItsLogBeforeItComes) {
+  const CommitResult map = Map({0}, std::nullopt);
+  const double before = At1(At(900.0));
+  ASSERT_THAT(store_.Exclude("a", {Hash(1), "", {}, "lies", {}}), IsOk());
+  ShiftReport report = Report(map, 1);
+  report.run_uuid = "0f8fad5b-d9cb-469f-a165-70867728950e";
+  EXPECT_EQ(store_.Return(report)->set_aside[0].reason, SetAside::kExcluded);
+  EXPECT_EQ(At1(At(900.0)), before);
+  ASSERT_THAT(store_.Include("a", {report.run_uuid, "", {}, "", {}}), IsOk());
+  EXPECT_NE(At1(At(900.0)), before);
+  EXPECT_THAT(*store_.Exclusions("a"), IsEmpty());
+}
+
+// As by somebody who looks at the run while a night builds on it.
+TEST_F(MappedEvidenceTest, ARunThatWasExcludedMeanwhileIsNotCommitted) {
+  const CommitResult first = Map({0}, std::nullopt);
+  const Provenance provenance{"", "", 0, {Run(1)}};
+  for (const bool held : {false, true}) {
+    ASSERT_THAT(store_.Exclude("a", {Hash(1), "", {}, "lies", held}), IsOk());
+    EXPECT_THAT(store_.Commit("a", Content(2), provenance, Derived(first.version)),
+                StatusIs(StatusCode::kAborted,
+                         held ? "run 'run 1' was held since the build began: lies"
+                              : "run 'run 1' was excluded since the build began: lies"));
+    ASSERT_THAT(store_.Include("a", {Hash(1), "", {}, "", {}}), IsOk());
+  }
+  EXPECT_THAT(store_.Commit("a", Content(2), provenance, Derived(first.version)), IsOk());
+}
+
+// Two sites may give their logs the same names.
+TEST_F(MappedEvidenceTest, ARunIsNamedWithinItsArea) {
+  Map({0}, std::nullopt);
+  RunRecord namesake = Run(1);
+  namesake.name = Run(0).name;
+  ASSERT_THAT(store_.Commit("b", Content(2), {"", "", 0, {namesake}}, Derived(std::nullopt)),
+              IsOk());
+  ASSERT_THAT(store_.Exclude("b", {namesake.name, "", {}, "lies", {}}), IsOk());
+  EXPECT_THAT(*store_.Exclusions("a"), IsEmpty());
+  EXPECT_EQ((*store_.Exclusions("b"))[0].run, Hash(1));
+  EXPECT_THAT(store_.Exclude("b", {Run(2).name, "", {}, "lies", {}}),
+              StatusIs(StatusCode::kNotFound, "no run"));
+}
+
 // The oracle is the same run excluded.
 TEST_F(MappedEvidenceTest, AHeldRunCountsForNothingAndItsVersionsStayGood) {
   const CommitResult first = Map({0, 1}, std::nullopt);
