@@ -200,10 +200,10 @@ BuildSize SizeOf(const std::vector<MapperInput>& inputs,
 }
 
 // Of the runs that are left some may have lost all that tied them to a map. It is an error if none
-// is left then.
+// is left then and none waits.
 Status RemoveRunsOfNoMode(BuildState* build) {
   RemoveRunsOfOutliers(build);
-  return RequireRuns(!build->runs.empty(), build->left_out);
+  return RequireRuns(!build->runs.empty() || !build->waiting.empty(), build->left_out);
 }
 
 // Takes out what others that were taken out leave untied.
@@ -249,8 +249,8 @@ void PoseByOthers(const MapperOptions& options, BuildState* build) {
   for (const RunIndex r : runs) build->runs[r].poses = std::move(without.runs[r].poses);
 }
 
-// What is discrete in all runs together, where every run is where the others say, without those
-// that do not fit there, or may be elsewhere.
+// Selects modes over all runs, relocates misregistered runs, and removes runs that are ambiguous or
+// do not fit.
 int RefineAndRelocate(const MapperOptions& options,
                       const StepCallback& on_step,
                       BuildState* build,
@@ -293,9 +293,6 @@ int RefineWithNoise(const MapperOptions& options,
   return iterations;
 }
 
-// Whether no run is left in the map and at least one waits.
-bool AllWait(const BuildState& build) { return build.runs.empty() && !build.waiting.empty(); }
-
 // Takes out modes of too few sightings, and runs that nothing holds then.
 Status RemoveUnsupported(const MapperOptions& options, BuildState* build) {
   if (DropUnsupportedModes(options.modes, build) == 0) return OkStatus();
@@ -304,24 +301,26 @@ Status RemoveUnsupported(const MapperOptions& options, BuildState* build) {
                            options.modes.min_sightings);
   }
   SHIFTMAP_RETURN_IF_ERROR(RemoveUntiedRuns(build));
-  if (!options.calibrate) SolveContinuous(options, build);  // Else with the noise.
+  if (!options.calibrate && !build->runs.empty()) {
+    SolveContinuous(options, build);  // Else with the noise.
+  }
   return OkStatus();
 }
 
 // Of the last solve: both solvers are to make the same map, also where it is known badly. [-]
 constexpr double kMapCostTolerance = 1e-6;
 
-// What is discrete in all runs together, the noise and its correlation. Returns the outer
-// iterations.
+// Refines modes, noise and run variances of all runs jointly. Returns the outer iterations. Leaves
+// no run where the last ones wait.
 StatusOr<int> RefineTogether(const MapperOptions& options, Watch* watch, BuildState* build) {
   build->loss_reach = options.loss_reach_sds;
   PoseByOthers(options, build);
   GraphSolver solver;  // Rounds of noise go on from where this ends.
   int iterations = RefineAndRelocate(options, watch->During("all runs", 0.6), build, &solver);
   SHIFTMAP_RETURN_IF_ERROR(watch->status());
-  if (AllWait(*build)) return iterations;
   SHIFTMAP_RETURN_IF_ERROR(RemoveRunsOfNoMode(build));
-  SHIFTMAP_RETURN_IF_ERROR(RemoveUnsupported(options, build));
+  if (!build->runs.empty()) SHIFTMAP_RETURN_IF_ERROR(RemoveUnsupported(options, build));
+  if (build->runs.empty()) return iterations;
   if (options.calibrate) {
     DropDistortions(build);
     SolveContinuous(options, build, &solver);
@@ -331,15 +330,17 @@ StatusOr<int> RefineTogether(const MapperOptions& options, Watch* watch, BuildSt
     const std::size_t runs = build->runs.size();
     iterations += RefineWithNoise(options, watch->During("all runs", 0.8), build, &solver);
     SHIFTMAP_RETURN_IF_ERROR(watch->status());
-    if (AllWait(*build)) return iterations;
     SHIFTMAP_RETURN_IF_ERROR(RemoveRunsOfNoMode(build));
+    if (build->runs.empty()) return iterations;
     if (build->runs.size() < runs) {
       SHIFTMAP_RETURN_IF_ERROR(RemoveUnsupported(options, build));
+      if (build->runs.empty()) return iterations;
       SolveContinuous(options, build, &solver);
     }
   }
   if (RemoveImplausibleRuns(options.plausibility, build) > 0) {
     SHIFTMAP_RETURN_IF_ERROR(RemoveUntiedRuns(build));
+    if (build->runs.empty()) return iterations;
     SolveContinuous(options, build);
   }
   EstimateRunVariances(options, build);
@@ -382,8 +383,8 @@ StatusOr<BuildState> PlaceRuns(const std::vector<MappingRun>& runs,
                rejected,
                watch->During("placing runs", kSingleRunsShare));
   SHIFTMAP_RETURN_IF_ERROR(watch->status());
-  if (AllWait(build)) return build;
-  SHIFTMAP_RETURN_IF_ERROR(RequireRuns(!build.runs.empty(), *rejected));
+  SHIFTMAP_RETURN_IF_ERROR(RequireRuns(!build.runs.empty() || !build.waiting.empty(), *rejected));
+  if (build.runs.empty()) return build;
   std::stable_sort(build.runs.begin(), build.runs.end(), [](const BuildRun& a, const BuildRun& b) {
     return std::tie(a.data->begin, a.data->sha256) < std::tie(b.data->begin, b.data->sha256);
   });
@@ -432,13 +433,15 @@ void Linearize(const MapperOptions& options, BuildState* build, SolvedGraph* sol
   if (!IsDetermined(solved->covariance)) solved->posterior = nullptr;
 }
 
-// The same. A log of values beyond all bounds costs its run, not the others' night.
+// The same without runs that are undetermined by themselves: one log of absurd values does not fail
+// the build.
 Status LinearizeWhatIsDetermined(const MapperOptions& options,
                                  BuildState* build,
                                  SolvedGraph* solved) {
   Linearize(options, build, solved);
   if (!solved->posterior && RemoveUndeterminedRuns(options, build) > 0) {
     SHIFTMAP_RETURN_IF_ERROR(RemoveUntiedRuns(build));
+    SHIFTMAP_RETURN_IF_ERROR(RequireRuns(!build->runs.empty(), build->left_out));
     build->disagreement = {};  // These are of other runs and modes.
     SolveWithDistortions(options, build);
     if (build->priors.empty()) AnchorFrame(build);
@@ -448,14 +451,15 @@ Status LinearizeWhatIsDetermined(const MapperOptions& options,
   return InvalidArgument("the runs do not determine where their landmarks are");
 }
 
-// What was to be expected before the runs were placed may be less than the modes that they brought:
-// the runs that brought most are left out until the others fit.
+// Placed runs may bring more modes than the memory estimate assumed. Leaves out the runs with most
+// modes until the rest fits.
 Status FitModes(const MapperOptions& options, BuildSize* size, BuildState* build) {
   for (;;) {
     size->modes = FlatModes(*build).end.value();
     const Status fits = CheckBuildMemory(*size, options.max_memory_bytes);
     if (fits.ok() || !RemoveRunWithMostModes(build)) return fits;
     SHIFTMAP_RETURN_IF_ERROR(RemoveUntiedRuns(build));
+    if (build->runs.empty()) return OkStatus();
     if (build->priors.empty()) AnchorFrame(build);
   }
 }
@@ -529,7 +533,11 @@ AmbiguousChange Describe(const KeptAlternatives& kept, const GroupSignatures& si
   return change;
 }
 
-// What is told of a solved build.
+void AddLeftOut(const BuildState& build, MapperResult* result) {
+  result->rejected.insert(result->rejected.end(), build.left_out.begin(), build.left_out.end());
+}
+
+// Fills the result from a solved build.
 Status Conclude(const GroupSignatures& signatures,
                 const std::optional<MapContent>& prior,
                 const MapperOptions& options,
@@ -588,6 +596,8 @@ StatusOr<MapperResult> BuildMap(std::vector<MapperInput> inputs,
                             PlaceRuns(runs, signatures, prior, options, &watch, &result.rejected));
   if (!build.runs.empty()) {
     SHIFTMAP_RETURN_IF_ERROR(FitModes(options, &size, &build));
+  }
+  if (!build.runs.empty()) {
     SHIFTMAP_ASSIGN_OR_RETURN(result.outer_iterations, RefineTogether(options, &watch, &build));
   }
   for (const WaitingRuns& waiting : build.waiting) {
@@ -597,15 +607,17 @@ StatusOr<MapperResult> BuildMap(std::vector<MapperInput> inputs,
   for (const KeptAlternatives& kept : build.kept) {
     result.ambiguous_changes.push_back(Describe(kept, signatures));
   }
-  if (build.runs.empty()) {  // Without a prior map one run at least is in the map.
-    result.content = prior.value();
+  if (build.runs.empty()) {
+    AddLeftOut(build, &result);
+    SHIFTMAP_RETURN_IF_ERROR(RequireRuns(prior.has_value(), result.rejected));
+    result.content = *prior;
     return result;
   }
   if (!prior) AnchorFrame(&build);
   watch.Report("covariance", 0.9, build);
   SHIFTMAP_RETURN_IF_ERROR(watch.status());
   SHIFTMAP_RETURN_IF_ERROR(Conclude(signatures, prior, options, &build, &result));
-  result.rejected.insert(result.rejected.end(), build.left_out.begin(), build.left_out.end());
+  AddLeftOut(build, &result);
   watch.Report("done", 1.0, build);
   SHIFTMAP_RETURN_IF_ERROR(watch.status());
   return result;

@@ -145,7 +145,7 @@ struct RelocationOptions {
   /// A visit this near to a mode of the others is of that. [m]
   double same_place_m = 1.0;
 
-  /// Two landmarks in a row may be displaced because the run is bent if their displacements differ
+  /// Two landmarks in a row may be displaced because the run is deformed if displacements differ
   /// by `same_place_m` and a turn by this, and have moved if by more. [rad]
   double max_turn_rad = 0.2;
 };

@@ -146,7 +146,6 @@ class Tracker {
                            options_.joint ? AssociationMethod::kJoint : AssociationMethod::kNearest,
                            options_.compatibility,
                            state_);
-    out_.bounded_scans += found.complete ? 0 : 1;
     for (std::size_t i = 0; i < found.pairs.size(); ++i) {
       Track& track = tracks_.at(found.pairs[i].landmark);
       track.seen.push_back({index, found.paired[i]});
@@ -237,7 +236,6 @@ class Tracker {
                        kept.seen.begin() + middle,
                        kept.seen.end(),
                        [](const Sighted& a, const Sighted& b) { return a.scan < b.scan; });
-    ++out_.fused_tracks;
   }
 
   AssociationOptions options_;

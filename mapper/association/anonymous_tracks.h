@@ -67,8 +67,6 @@ struct AnonymousAssociation {
   int observations = 0;                    ///< Anonymous ones.
   int associated = 0;                      ///< Of those, with a track.
   int dropped_tracks = 0;                  ///< Never confirmed, or seen too rarely.
-  int fused_tracks = 0;                    ///< Found to be another one.
-  int bounded_scans = 0;                   ///< In which the search ended at its bound.
 };
 
 /// Follows the landmarks of a run that have no signature by EKF-SLAM (SlamState) with joint

@@ -35,10 +35,8 @@ Status LeaveOutExcluded(const std::string& area,
   std::erase_if(runs->inputs, [&](const MapperInput& input) {
     const RunInfo& info = input.run.info;
     const Stamp begin = input.run.odometry.empty() ? Stamp() : BeginOf(input.run);
-    const Exclusion* exclusion = FindExclusion(exclusions, input.sha256, info.vehicle, begin);
-    if (exclusion == nullptr && !info.uuid.empty()) {
-      exclusion = FindExclusion(exclusions, info.uuid, info.vehicle, begin);
-    }
+    const Exclusion* const exclusion =
+        FindExclusion(exclusions, info.uuid, input.sha256, info.vehicle, begin);
     if (exclusion == nullptr) return false;
     runs->rejected.push_back(
         {input.name, (exclusion->held ? "held: " : "excluded: ") + exclusion->reason});
@@ -187,7 +185,7 @@ MapperMonitor MakeMonitor(Progress* progress) {
   };
 }
 
-// What cannot be written is better known before the work than after it.
+// Fails before the build if an output cannot be written.
 Status CheckOutputs(const AreaBuildOptions& options, bool dry_run) {
   if (options.area.empty()) return InvalidArgument("--area '': expected a name");
   if (options.trajectories && !dry_run) {
@@ -245,6 +243,18 @@ StatusOr<int> CountSetAside(const std::string& area,
   SHIFTMAP_ASSIGN_OR_RETURN(const auto now, OfOtherLines(area, version, store));
   return static_cast<int>(std::count_if(
       now.begin(), now.end(), [&](const std::string& uuid) { return !then.contains(uuid); }));
+}
+
+// The rest of a log that arrived since it was read would never be mapped: what is older than the
+// version counts as read.
+Status CheckUnchanged(const std::vector<ReadLog>& files) {
+  for (const ReadLog& file : files) {
+    const std::optional<Stamp> changed = ChangedAt(file.path);
+    if (!changed || changed == file.changed) continue;
+    return MakeStatus(
+        StatusCode::kAborted, "run log '{}': changed after the build had read it", file.path);
+  }
+  return OkStatus();
 }
 
 // A dry run does not make the prior that has the edits in force.
@@ -308,11 +318,13 @@ StatusOr<AreaBuild> MakeAreaBuild(const AreaBuildOptions& options, Context& cont
   WarnOfOdd(build.result, context);
   build.provenance = MakeProvenance(options, build, in_logs);
   build.commit_options = MakeCommitOptions(options, prior, build.result);
+  build.files = std::move(runs.files);
   SHIFTMAP_RETURN_IF_ERROR(AddObjections(options, context, &build));
   return build;
 }
 
 Status CommitArea(const AreaBuildOptions& options, const Context& context, AreaBuild* build) {
+  SHIFTMAP_RETURN_IF_ERROR(CheckUnchanged(build->files));
   const MapperResult& result = build->result;
   if (options.trajectories && !result.runs.empty()) {
     SHIFTMAP_RETURN_IF_ERROR(WriteTrajectories(*options.trajectories, result));

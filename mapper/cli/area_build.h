@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "localizer/models/field_of_view.h"
+#include "mapper/cli/log_file.h"
 #include "mapper/mapper.h"
 #include "mapper/tree/tree_options.h"
 #include "mapstore/cli/context.h"
@@ -65,6 +66,8 @@ struct AreaBuild {
 
   std::vector<std::string> objections;  ///< FindObjections; of a dry run with a prior none.
 
+  std::vector<ReadLog> files;  ///< As they were when the build read them.
+
   // What CommitArea adds to the store with the map.
   Provenance provenance;
   CommitOptions commit_options;
@@ -83,7 +86,7 @@ struct AreaBuild {
 StatusOr<AreaBuild> MakeAreaBuild(const AreaBuildOptions& options, Context& context);
 
 /// Adds a build to the store as a version, and sets `commit`; where all of its runs wait, only
-/// notes that. Errors: as MapStore::Commit.
+/// notes that. Errors: as MapStore::Commit; kAborted if a log was changed since it was read.
 Status CommitArea(const AreaBuildOptions& options, const Context& context, AreaBuild* build);
 
 /// Both, the second unless it is a dry run.

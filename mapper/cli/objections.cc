@@ -24,7 +24,7 @@ StatusOr<std::vector<std::string>> FindLostRuns(const std::string& area,
     const bool there = std::any_of(built.begin(), built.end(), [&](const RunRecord& of) {
       return of.sha256 == run.sha256 || of.identity() == run.identity();
     });
-    if (there || FindExclusion(exclusions, run.identity(), run.vehicle, run.begin) != nullptr) {
+    if (there || FindExclusion(exclusions, run) != nullptr) {
       continue;
     }
     lost.push_back(fmt::format("run '{}' is not in the new map, its log is not there or left out",

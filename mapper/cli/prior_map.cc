@@ -48,8 +48,7 @@ Status FindFallenOut(const AreaBuildOptions& options, MapStore* store, PriorMap*
           std::any_of(prior->known_runs.begin(), prior->known_runs.end(), [&](const LineRun& of) {
             return of.run.sha256 == run.sha256;
           });
-      const bool excluded =
-          FindExclusion(prior->exclusions, run.identity(), run.vehicle, run.begin) != nullptr;
+      const bool excluded = FindExclusion(prior->exclusions, run) != nullptr;
       if (!rests && !excluded) prior->fallen_out.push_back(run);
     }
     at = ParentOf(versions, *at);

@@ -41,7 +41,11 @@ class Loader {
   };
 
   void Reject(const std::string& path, const Status& status, bool longer = false) {
-    rejected_.push_back({std::filesystem::path(path).stem().string(), status, longer});
+    rejected_.push_back({NameOf(path), status, longer});
+  }
+  // Trajectories are files of that name, in one folder.
+  std::string NameOf(const std::string& path) const {
+    return RunNameOf(path, options_.unique_names ? std::vector<std::string>() : options_.logs);
   }
   // Drops what no vehicle or sensor does.
   Status DropImplausibleItems(const std::string& path, RunLog* log);
@@ -174,7 +178,7 @@ Status Loader::Load(const std::string& path) {
   }
   const Status set = CheckClockWasSet(LogName(path), BeginOf(log->run));
   if (!set.ok()) context_.Warn(Message(set) + ": its visits count as older than all others");
-  const std::string name = std::filesystem::path(path).stem().string();
+  const std::string name = NameOf(path);
   SHIFTMAP_RETURN_IF_ERROR(CheckName(path, name));
 
   if (!KeepLongest(path, *log)) return OkStatus();
@@ -221,11 +225,15 @@ StatusOr<LoadedRuns> Loader::Finish() {
 
 StatusOr<LoadedRuns> LoadRuns(const RunLoaderOptions& options, const Context& context) {
   Loader loader(options, context);
+  std::vector<ReadLog> files;
   for (const std::string& path : options.logs) {
     SHIFTMAP_RETURN_IF_ERROR(options.on_step());
+    files.push_back({path, ChangedAt(path)});
     SHIFTMAP_RETURN_IF_ERROR(loader.Load(path));
   }
-  return loader.Finish();
+  SHIFTMAP_ASSIGN_OR_RETURN(LoadedRuns runs, loader.Finish());
+  runs.files = std::move(files);
+  return runs;
 }
 
 }  // namespace shiftmap

@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "mapper/cli/log_file.h"
 #include "mapper/mapper.h"
 #include "mapstore/cli/context.h"
 #include "mapstore/core/clock.h"
@@ -47,6 +48,7 @@ struct LoadedRuns {
   std::vector<MapperInput> inputs;
   std::vector<RejectedRun> rejected;                ///< By name.
   std::map<std::string, ImplausibleItems> dropped;  ///< By the log's SHA-256; only where any.
+  std::vector<ReadLog> files;                       ///< All, as they were before they were read.
 };
 
 /// Reads the logs of a build. A log that is damaged, ends in the future, names another area, is a

@@ -21,8 +21,8 @@ inline constexpr int kTileModes = 128;
 /// factor, and most of them need not be: samples of the posterior bound them.
 class ModeDifferences {
  public:
-  /// Around the graph's present values, which must outlive this. Nothing if the values have gone so
-  /// far astray that none can be told. Precondition: every mode is observed or in the prior.
+  /// Around the graph's present values, which must outlive this. Nothing if they do not determine
+  /// the modes. Precondition: every mode is observed or in the prior.
   /// @param solver  Has just solved the graph.
   static std::optional<ModeDifferences> Of(const Graph& graph, GraphSolver* solver);
 

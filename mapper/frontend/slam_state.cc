@@ -399,7 +399,7 @@ void SlamState::Correct(const Eigen::VectorXd& nu,
                         const Eigen::MatrixXd& PHt,
                         const Eigen::MatrixXd& HPhi) {
   const Eigen::LLT<Eigen::MatrixXd> llt(S);
-  if (llt.info() != Eigen::Success) return;  // So far astray, nothing can be told.
+  if (llt.info() != Eigen::Success) return;  // S has lost its digits.
   // P Hᵀ S⁻¹ H P = W Wᵀ.
   const Eigen::MatrixXd W = llt.matrixL().solve(PHt.transpose()).transpose();
   const Eigen::VectorXd whitened = llt.matrixL().solve(nu);

@@ -274,7 +274,7 @@ GraphSummary GraphSolver::Solve(const SolverLimits& limits, Graph* graph) {
   const Se2 T_map_anchor = graph->runs[graph->anchor_run].poses.front();
   GaussNewton gauss_newton(limits, near_minimum_, &system, graph);
   if (!gauss_newton.Start()) {
-    // What damping does not determine is in no finite numbers, of which Ceres would write pages.
+    // Indefinite even with damping: values are not finite, and Ceres would log pages of errors.
     if (!system.Linearize(LossWeighting::kWeights, kFirstDamping)) {
       constexpr double kNone = std::numeric_limits<double>::infinity();
       return {kNone, kNone};

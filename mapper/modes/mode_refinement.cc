@@ -56,7 +56,7 @@ void Select(const MapperOptions& options, BuildState* build) {
   }
 }
 
-// What is to be selected does not hang on the last hundredth of a standard deviation.
+// Selection is insensitive to small changes of residuals: a coarse solution will do.
 MapperOptions ForSelection(const MapperOptions& options) {
   constexpr double kCostTolerance = 1e-4;
   MapperOptions coarse = options;

@@ -9,6 +9,7 @@
 #include <set>
 #include <utility>
 
+#include "mapper/cli/log_file.h"
 #include "mapper/cli/run_copies.h"
 #include "mapper/nightly/rolled_back.h"
 #include "mapper/nightly/since_published.h"
@@ -63,7 +64,7 @@ StatusOr<KnownRuns> ReadKnownRuns(const std::string& area, MapStore* store) {
 // Whether a log is out of all builds by somebody's decision.
 bool Remove(const KnownRuns& known, const std::string& run, const LogHead& log, AreaLogs* sorted) {
   const Exclusion* const exclusion =
-      FindExclusion(known.exclusions, run, log.info.vehicle, log.begin);
+      FindExclusion(known.exclusions, run, "", log.info.vehicle, log.begin);
   if (exclusion == nullptr) return false;
   if (exclusion->held) {
     sorted->held.push_back(
@@ -119,7 +120,7 @@ StatusOr<std::optional<std::string>> Rest(const std::string& area,
 // Somebody has to decide about a run that waits and is not given, unless it is excluded.
 void NameNotGiven(const KnownRuns& known, const std::set<std::string>& given, AreaLogs* sorted) {
   for (const UnplacedRun& run : known.waiting) {
-    const Exclusion* const exclusion = FindExclusion(known.exclusions, run.sha256, "", Stamp());
+    const Exclusion* const exclusion = FindExclusion(known.exclusions, run.sha256, "", "", Stamp());
     if (given.contains(run.sha256) || (exclusion != nullptr && !exclusion->held)) continue;
     sorted->held.push_back(
         fmt::format("run '{}' waits since {} UTC, and its log is not there; without it: "

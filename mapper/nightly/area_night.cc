@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <filesystem>
 #include <functional>
 #include <map>
 #include <optional>
@@ -13,6 +12,7 @@
 #include <utility>
 
 #include "mapper/cli/area_build.h"
+#include "mapper/cli/log_file.h"
 #include "mapper/cli/objections.h"
 #include "mapper/nightly/candidate.h"
 #include "mapper/nightly/left_out.h"
@@ -58,6 +58,7 @@ class Area {
   Status SkipLeftOut();
   StatusOr<Judgement> JudgeCandidate(const Candidate& candidate,
                                      const std::vector<LogHead>& given) const;
+  Status CheckUpToDate(const Candidate& candidate) const;
   StatusOr<std::vector<std::string>> Objections(const Candidate& candidate) const;
   Status Hold(const LogHead& log, const std::string& reason);
   StatusOr<bool> HoldSuspects(const Judgement& judgement, std::vector<LogHead>* given);
@@ -66,6 +67,7 @@ class Area {
                               const std::vector<LogHead>& given);
   StatusOr<bool> BuildWithoutWorst(const Judgement& judgement, const std::vector<LogHead>& given);
   Status WriteHolds();
+  Status DropExcluded();
   Status NoteWaiting();
   Status NoteLeftOut();
   Status Commit(bool publish, Candidate* candidate);
@@ -162,10 +164,26 @@ StatusOr<Judgement> Area::JudgeCandidate(const Candidate& candidate,
           [this](const std::vector<LogHead>& some) { return candidates_.BuildFold(some); },
           store ? &*store : nullptr,
           CheckStopped));
+  SHIFTMAP_RETURN_IF_ERROR(CheckUpToDate(candidate));
   // It is not for shifts to judge whether the map is worth these.
   SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<std::string> objections, Objections(candidate));
   judgement.worse.insert(judgement.worse.end(), objections.begin(), objections.end());
   return judgement;
+}
+
+// A version or an edit that somebody published since a build began makes the build out of date:
+// judged all the same, innocent runs would be held for what it lacks.
+// Errors: kAborted.
+Status Area::CheckUpToDate(const Candidate& candidate) const {
+  if (!candidate.build || !HasStore(options_)) return OkStatus();
+  SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, Open(MapStore::Access::kReadOnly));
+  const StatusOr<std::optional<VersionNumber>> published = store.PublishedVersion(night_.area);
+  if (published.status().code() == StatusCode::kNotFound) return OkStatus();
+  if (!published.ok()) return published.status();
+  if (*published == candidate.build->commit_options.expected) return OkStatus();
+  return MakeStatus(StatusCode::kAborted,
+                    "area '{}': another version was published since the build began",
+                    night_.area);
 }
 
 // A build has asked already. What is decided since makes another version the published one, so that
@@ -287,10 +305,12 @@ void Area::Say(const std::string& line) {
   if (std::find(said.begin(), said.end(), line) == said.end()) night_.reasons.push_back(line);
 }
 
-// What a build does not take has no part in its map either: it is built again without. Whether
-// there was any.
+// Removes the runs that a build left out from those that are given, so that it is judged without
+// them. Returns whether there were any: then the map is built again.
 StatusOr<bool> Area::LeaveOut(const Candidate& candidate) {
   std::vector<LogHead> out;
+  std::vector<std::string> paths;
+  for (const LogHead& log : given_) paths.push_back(log.path);
   std::erase_if(given_, [&](const LogHead& log) {
     if (candidate.version.Has(log)) return false;
     out.push_back(log);
@@ -299,15 +319,15 @@ StatusOr<bool> Area::LeaveOut(const Candidate& candidate) {
   });
   for (const std::string& line : candidate.outcome.left_out) {
     const auto log = std::find_if(out.begin(), out.end(), [&](const LogHead& of) {
-      const std::string stem = std::filesystem::path(of.path).stem().string();
-      return line.starts_with(fmt::format("run '{}' ", stem));
+      return line.starts_with(fmt::format("run '{}' ", RunNameOf(of.path, paths)));
     });
     if (log == out.end()) {
       Say(line);
       continue;
     }
-    SHIFTMAP_ASSIGN_OR_RETURN(const std::string hash, HashFile(log->path));
-    Say(fmt::format("{}; to ignore it: shiftmap-inspect runs exclude {}", line, hash));
+    Say(fmt::format("{}; to ignore it: shiftmap-inspect runs exclude {}",
+                    line,
+                    HashFile(log->path).value_or(log->identity())));
   }
   for (const std::string& line : candidate.outcome.waiting) Say(line);
   for (const std::string& line : candidate.outcome.at_two_places) Say(line);
@@ -406,6 +426,7 @@ StatusOr<Area::Step> Area::Build() {
   }
   SHIFTMAP_ASSIGN_OR_RETURN(const bool less, LeaveOut(*candidate));
   if (less) return Step::kAgain;
+  SHIFTMAP_RETURN_IF_ERROR(CheckUpToDate(*candidate));
   std::vector<std::string> objections;
   if (options_.no_judge) {
     SHIFTMAP_ASSIGN_OR_RETURN(objections, Objections(*candidate));
@@ -443,12 +464,29 @@ StatusOr<Area::Step> Area::Build() {
   return Step::kDone;
 }
 
+// What somebody excluded or held since the night looked for its logs.
+Status Area::DropExcluded() {
+  if (!HasStore(options_)) return OkStatus();
+  SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, Open(MapStore::Access::kReadOnly));
+  const StatusOr<std::vector<Exclusion>> exclusions = store.Exclusions(night_.area);
+  if (exclusions.status().code() == StatusCode::kNotFound) return OkStatus();
+  if (!exclusions.ok()) return exclusions.status();
+  std::erase_if(given_, [&](const LogHead& log) {
+    return FindExclusion(*exclusions, log.identity(), log.sha256, log.info.vehicle, log.begin) !=
+           nullptr;
+  });
+  return OkStatus();
+}
+
 StatusOr<AreaNight> Area::Run() {
   SHIFTMAP_RETURN_IF_ERROR(HoldOut());
   for (int build = 1; build <= kMaxBuilds && !given_.empty(); ++build) {
     const StatusOr<Step> step = Build();
-    // Somebody published another version meanwhile: what is built goes on from that one.
-    if (step.status().code() == StatusCode::kAborted && build < kMaxBuilds) continue;
+    // Somebody published another version meanwhile, or decided about a run, or a log grew.
+    if (step.status().code() == StatusCode::kAborted && build < kMaxBuilds) {
+      SHIFTMAP_RETURN_IF_ERROR(DropExcluded());
+      continue;
+    }
     if (!step.ok()) return step.status();
     if (*step == Step::kDone) break;
   }

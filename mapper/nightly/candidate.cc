@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "mapper/nightly/candidate.h"
 
+#include <fmt/format.h>
+
 #include <set>
 #include <utility>
 
@@ -17,7 +19,13 @@ std::string NightKey(const std::vector<LogHead>& logs, const AreaBuildOptions& b
   std::set<std::string> runs;
   for (const LogHead& log : logs) runs.insert(log.identity());
   Sha256 hash;
-  hash.Update(SoftwareRevision() + (build.no_learned_rates ? " default\n" : " learned\n"));
+  hash.Update(fmt::format("{} {} {} {} {} {}\n",
+                          SoftwareRevision(),
+                          build.no_learned_rates,
+                          build.limits.max_range_m.value_or(0.0),
+                          build.limits.max_speed_mps.value_or(0.0),
+                          build.limits.max_yaw_rate_radps.value_or(0.0),
+                          build.clock_tolerance_s));
   for (const std::string& run : runs) hash.Update(run + "\n");
   return hash.HexDigest();
 }

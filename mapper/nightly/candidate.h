@@ -22,7 +22,8 @@ struct Candidate {
   std::optional<AreaBuild> build;  ///< Nothing: the version is in the store.
 };
 
-/// Identifies the build of a set of logs: AreaBuildOptions::night.
+/// Identifies the build of a set of logs by this program with these options:
+/// AreaBuildOptions::night. Memory is not among them: it changes from night to night.
 std::string NightKey(const std::vector<LogHead>& logs, const AreaBuildOptions& build);
 
 /// Makes the maps that a night judges for an area, and writes none.

@@ -8,6 +8,8 @@
 #include <optional>
 #include <utility>
 
+#include "mapper/cli/log_file.h"
+#include "mapstore/codec/run_log.h"
 #include "mapstore/core/clock.h"
 #include "mapstore/core/inert_text.h"
 #include "mapstore/core/median.h"
@@ -20,6 +22,9 @@ constexpr double kToleranceS = 60.0;
 
 // Beyond it maps are made of recorded data, and the clock of the machine says nothing of a run.
 constexpr double kLiveS = 86'400.0;
+
+// Without an item for so long. [s]
+constexpr double kJumpS = 3600.0;
 
 // A run that takes so much longer than others to come, and longer than this, is late.
 constexpr double kLateFactor = 10.0;
@@ -49,6 +54,7 @@ class ClockCheck {
 
   // Why a run's clock is wrong; nothing: it is not, as far as is known.
   StatusOr<std::optional<std::string>> Wrong(const RunRecord& run, const LogHead& log) {
+    if (std::optional<std::string> jump = Jump(log)) return jump;
     if (std::optional<std::string> other = InTwoRuns(run)) return other;
     const std::optional<Stamp> handed_in = HandedIn(run, log);
     if (handed_in && run.end > *handed_in + FromSeconds(kToleranceS)) {
@@ -76,6 +82,25 @@ class ClockCheck {
   }
 
  private:
+  // A clock that is set while a vehicle drives leaves a gap in its log. A recorder that pauses for
+  // as long begins another one.
+  static std::optional<std::string> Jump(const LogHead& log) {
+    const StatusOr<RunLog> read = ReadRunLog(log.path, {.lidar_scans = false});
+    if (!read.ok()) return std::nullopt;  // The build has read it.
+    std::vector<Stamp> stamps;
+    for (const OdometrySample& sample : read->run.odometry) stamps.push_back(sample.stamp);
+    for (const Scan& scan : read->run.scans) stamps.push_back(scan.stamp);
+    std::sort(stamps.begin(), stamps.end());
+    const auto gap = std::adjacent_find(
+        stamps.begin(), stamps.end(), [](Stamp a, Stamp b) { return b - a > FromSeconds(kJumpS); });
+    if (gap == stamps.end()) return std::nullopt;
+    return fmt::format(
+        "its clock was set, or two runs are in it: there is nothing for {:.1f} h "
+        "after {}",
+        ToSeconds(*(gap + 1) - *gap) / 3600.0,
+        Utc(*gap));
+  }
+
   std::optional<Stamp> HandedIn(const RunRecord& run, const LogHead& log) const {
     std::optional<Stamp> first = ChangedAt(log.path);
     for (const ReceivedRun& of : received_) {

@@ -14,6 +14,7 @@ namespace shiftmap {
 
 /// Looks for runs of a version whose vehicle's clock was wrong, and makes them suspects:
 ///
+///   - its log has a gap of an hour: the clock was set meanwhile, or two runs are in it;
 ///   - the vehicle was in another run of the area at that time; where both are of this build,
 ///     both are suspects, since nothing tells which it is;
 ///   - the run ended later than it was handed in: the clock was ahead. A run is handed in by the

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "mapper/nightly/fleet_folder.h"
 
-#include <sys/stat.h>
+#include <fcntl.h>
+#include <unistd.h>
 
 #include <algorithm>
-#include <chrono>
 #include <filesystem>
 #include <optional>
 #include <system_error>
@@ -14,7 +14,9 @@
 
 namespace shiftmap {
 
-StatusOr<std::vector<std::string>> FindFiles(const std::string& folder, const std::string& ending) {
+StatusOr<std::vector<std::string>> FindFiles(const std::string& folder,
+                                             const std::string& ending,
+                                             std::vector<std::string>* unreadable) {
   namespace fs = std::filesystem;
   std::error_code error;
   std::vector<std::string> paths;
@@ -23,6 +25,12 @@ StatusOr<std::vector<std::string>> FindFiles(const std::string& folder, const st
   fs::recursive_directory_iterator at(folder, error);
   for (; !error && at != fs::recursive_directory_iterator(); at.increment(error)) {
     std::error_code unknown;
+    if (at->is_directory(unknown) && !at->is_symlink(unknown) &&
+        faccessat(AT_FDCWD, at->path().c_str(), R_OK | X_OK, AT_EACCESS) != 0) {
+      if (unreadable != nullptr) unreadable->push_back(at->path().string());
+      at.disable_recursion_pending();
+      continue;
+    }
     if (at->path().filename().string().ends_with(ending) && at->is_regular_file(unknown)) {
       paths.push_back(at->path().string());
     }
@@ -41,13 +49,6 @@ StatusOr<LogHead> ReadLogHead(const std::string& path) {
     SHIFTMAP_ASSIGN_OR_RETURN(head.sha256, HashFile(path));
   }
   return head;
-}
-
-std::optional<Stamp> ChangedAt(const std::string& path) {
-  struct stat status {};
-  if (stat(path.c_str(), &status) != 0) return std::nullopt;
-  return Stamp(std::chrono::seconds(status.st_ctim.tv_sec) +
-               std::chrono::nanoseconds(status.st_ctim.tv_nsec));
 }
 
 }  // namespace shiftmap

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <optional>
 #include <string>
 #include <vector>
 
@@ -13,9 +12,12 @@
 namespace shiftmap {
 
 /// Paths of all files in a folder and its subfolders whose names have an ending, in order. Links to
-/// folders are not followed. Errors: kNotFound if there is no such folder; kUnavailable if it, or
-/// one in it, cannot be read.
-StatusOr<std::vector<std::string>> FindFiles(const std::string& folder, const std::string& ending);
+/// folders are not followed. Errors: kNotFound if there is no such folder; kUnavailable if it
+/// cannot be read.
+/// @param unreadable  Gets the subfolders that cannot be read, and are left out; may be null.
+StatusOr<std::vector<std::string>> FindFiles(const std::string& folder,
+                                             const std::string& ending,
+                                             std::vector<std::string>* unreadable = nullptr);
 
 /// What tells a run log from others, without reading all of it.
 struct LogHead {
@@ -36,9 +38,5 @@ struct LogHead {
 /// Reads a run log's head; one whose run has no UUID is hashed.
 /// Errors: as RunLogStream; kInvalidArgument if it holds no item.
 StatusOr<LogHead> ReadLogHead(const std::string& path);
-
-/// When a file was changed last, by the clock of the machine that has it; nothing if there is none.
-/// Unlike the time of its content, nobody sets it.
-std::optional<Stamp> ChangedAt(const std::string& path);
 
 }  // namespace shiftmap

@@ -65,11 +65,11 @@ void CountChanges(const MapContent& before, const MapContent& after, Judgement* 
   }
 }
 
-// By how much the new map is worse for each shift. One-sided: what a run that made the map gains on
-// it is no proof, unless it gains on a map that is built without it.
+// By how much the new map is worse for each shift. A run gains on a map that was built from it by
+// overfitting: its gain counts only as far as the fold without it shows it.
 std::vector<double> Differences(const Judgement& judgement,
                                 const std::function<double(const ShiftScore&)>& of) {
-  std::map<std::string, double> least;  // Of the build's runs, that count at least.
+  std::map<std::string, double> least;  // Difference of each run in its fold.
   for (const JudgedShift& shift : judgement.shifts) {
     if (shift.before && shift.fold > 0) least[shift.run] = of(shift.after) - of(*shift.before);
   }

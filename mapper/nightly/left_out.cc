@@ -39,15 +39,11 @@ StatusOr<std::string> KeyOf(const NightOptions& options,
   constexpr std::int64_t kMib = std::int64_t{1024} * 1024;
   const AreaBuildOptions& build = options.build;
   Sha256 hash;
-  hash.Update(fmt::format("{} {} {} {} {} {} {} {}",
+  hash.Update(fmt::format("{} {} {} {}",
                           NightKey(logs, build),
                           decisions.size(),
                           bytes,
-                          build.max_memory_mib.value_or(MemoryBound() / kMib),
-                          build.limits.max_range_m.value_or(0.0),
-                          build.limits.max_speed_mps.value_or(0.0),
-                          build.limits.max_yaw_rate_radps.value_or(0.0),
-                          build.clock_tolerance_s));
+                          build.max_memory_mib.value_or(MemoryBound() / kMib)));
   return hash.HexDigest();
 }
 

@@ -72,14 +72,13 @@ Status ReturnReports(const NightOptions& options, const Context& context, NightW
       if (status.ok()) ++(result->duplicate ? work->reports_known : work->reports_new);
     }
     if (status.ok()) continue;
-    SHIFTMAP_ASSIGN_OR_RETURN(const std::string hash, HashFile(path));
-    SHIFTMAP_ASSIGN_OR_RETURN(const bool ignored, IsIgnored(hash, store));
-    if (ignored) continue;
-    work->left.push_back(
-        fmt::format("report '{}' is left out: {}; delete it, or: shiftmap-inspect runs exclude {}",
-                    path,
-                    Message(status),
-                    hash));
+    std::string text = fmt::format("report '{}' is left out: {}; delete it", path, Message(status));
+    if (const StatusOr<std::string> hash = HashFile(path); hash.ok()) {
+      SHIFTMAP_ASSIGN_OR_RETURN(const bool ignored, IsIgnored(*hash, store));
+      if (ignored) continue;
+      text += fmt::format(", or: shiftmap-inspect runs exclude {}", *hash);
+    }
+    work->left.push_back(std::move(text));
   }
   return OkStatus();
 }
@@ -206,7 +205,12 @@ Status LogSorter::Take(const std::string& path) {
 }
 
 Status FindLogs(const NightOptions& options, const Context& context, NightWork* work) {
-  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<std::string> paths, FindFiles(options.logs, ".mcap"));
+  std::vector<std::string> unreadable;
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<std::string> paths,
+                            FindFiles(options.logs, ".mcap", &unreadable));
+  for (const std::string& folder : unreadable) {
+    work->left.push_back(fmt::format("folder '{}' is left out: it cannot be read", folder));
+  }
   std::optional<MapStore> opened;
   if (HasStore(options)) {
     SHIFTMAP_ASSIGN_OR_RETURN(opened, Open(options, MapStore::Access::kReadOnly, context));

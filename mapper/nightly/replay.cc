@@ -125,7 +125,6 @@ StatusOr<ShiftScore> Replay(const Run& run,
     return localizer.Process(event);
   };
   SHIFTMAP_RETURN_IF_ERROR(ForEachEvent(run, take));
-  localizer.Flush();
   localizer.Finish();
   const LocalizerStatistics statistics = localizer.Statistics();
   ShiftScore score;

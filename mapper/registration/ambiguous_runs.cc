@@ -61,7 +61,7 @@ std::optional<AmbiguousRun> FindAmbiguous(const MapperOptions& options,
                                           RunIndex r) {
   const BuildRun& run = build.runs[r];
   if (std::ssize(ModesOf(run)) > options.confirmation.max_modes) return std::nullopt;
-  if (!MayBeBent(options, build, others, run)) return std::nullopt;
+  if (!MayBeDeformed(options, build, others, run)) return std::nullopt;
   const std::set<GroupIndex> elsewhere = AgreementOf(options.modes, run, others).elsewhere;
   const BuildRun exchanged = Exchanged(options, build, others, elsewhere, run);
   const double excess = CostAmong(SolvedAmong(options, build, others, exchanged)) -

@@ -19,8 +19,8 @@ std::optional<JoinedFit> FitJoined(const MapperOptions& options,
                                    const BuildState& build,
                                    RunIndex run);
 
-/// Takes out a run, and what it leaves loose (RemoveUnconstrainedRuns). Nothing is solved. Returns
-/// its entry of BuildState::waiting, which is valid until another run waits.
+/// Takes out a run, and runs that it alone constrained (RemoveUnconstrainedRuns). Nothing is
+/// solved. Returns its entry of BuildState::waiting, which is valid until another run waits.
 WaitingRuns& LetWait(RunIndex run, BuildState* build);
 
 /// Lets the run wait that fits worst of those that do not fit. Returns false if all fit.

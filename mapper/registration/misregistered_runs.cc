@@ -116,7 +116,7 @@ std::optional<BuildRun> Relocate(const MapperOptions& options,
   const Agreement before = AgreementOf(options.modes, run, others);
   const bool lays_second_map = before.contradicting_row >= options.relocation.min_visits;
   if (!lays_second_map && (std::ssize(before.elsewhere) < options.relocation.min_visits ||
-                           !MayBeBent(options, build, others, run))) {
+                           !MayBeDeformed(options, build, others, run))) {
     return std::nullopt;
   }
   std::optional<double> least;  // Solved for only if a candidate is to be held against it.

@@ -21,7 +21,8 @@ namespace shiftmap {
 namespace {
 
 // Which modes of an aligned run map are told apart from what they are nearest to.
-// @param deformed_by  The run map may be bent as this covariance says, and the map as much. Null:
+// @param deformed_by  The run map may be deformed as this covariance says, and the map as much.
+// Null:
 //                     the alignment is all that is uncertain.
 ModeFlags ToldApart(const MapperOptions& options,
                     const Alignment& alignment,

@@ -24,15 +24,14 @@ namespace shiftmap {
 /// - against modes that other runs of this build brought, by a gate on each.
 ///
 /// A run map of which few landmarks agree is placed only where Explain() decides for one frame
-/// (ConfirmationOptions). Else it waits. What is left in the end is joined where it agrees with
-/// itself, without a prior map the largest such map is the one, and the others are tried once more
-/// as one run map each. BuildState::waiting is what has several explanations then.
+/// (ConfirmationOptions). Else it waits. Run maps that remain are joined with each other where they
+/// agree; without a prior map the largest joined map is kept. The others are tried once more, each
+/// as one run map. BuildState::waiting gets those with several explanations.
 ///
 /// Where the frame is decided, but not which landmarks stayed in it, those in doubt get a mode
 /// beside the one that they may have left (BuildState::kept).
 ///
-/// What aligns with nothing is rejected, and so is what the landmarks that moved leave without two
-/// that did not.
+/// Rejects run maps that do not align, or that share fewer than two unmoved landmarks.
 /// @param on_step  Asked before each run map; if it says no, the others are neither placed nor
 /// rejected.
 void PlaceRunMaps(const MapperOptions& options,

@@ -140,10 +140,10 @@ Agreement AgreementOf(const ModeOptions& options, const BuildRun& run, const Own
   return AgreementOf(options, run, others, frames.front().stamp, frames.back().stamp);
 }
 
-bool MayBeBent(const MapperOptions& options,
-               const BuildState& build,
-               const Owners& others,
-               const BuildRun& run) {
+bool MayBeDeformed(const MapperOptions& options,
+                   const BuildState& build,
+                   const Owners& others,
+                   const BuildRun& run) {
   const std::vector<Displaced> displaced = DisplacedLandmarks(options, build, others, run);
   std::vector<std::size_t> in_row;
   for (std::size_t i = 0; i < displaced.size(); ++i) {

@@ -35,12 +35,12 @@ Agreement AgreementOf(const ModeOptions& options, const BuildRun& run, const Own
 Agreement AgreementOf(
     const ModeOptions& options, const BuildRun& run, const Owners& others, Stamp begin, Stamp end);
 
-/// Whether a part of a run may be bent rather than its landmarks moved: some in a row, but for one
-/// between two of them, are displaced together. Landmarks that moved went each its own way.
-bool MayBeBent(const MapperOptions& options,
-               const BuildState& build,
-               const Owners& others,
-               const BuildRun& run);
+/// Whether a part of a run may be deformed rather than its landmarks moved: some in a row, but for
+/// one between two of them, are displaced together. Landmarks that move do so each by itself.
+bool MayBeDeformed(const MapperOptions& options,
+                   const BuildState& build,
+                   const Owners& others,
+                   const BuildRun& run);
 
 /// Per visit of a run the mode of others that it is at, nearer than a distance, or kUnassigned.
 IndexedVector<VisitIndex, OptionalMode> MatchVisits(const MapperOptions& options,

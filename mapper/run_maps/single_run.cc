@@ -150,9 +150,8 @@ BuildState MapByEkf(const MapperOptions& options,
   return MapFromPoses(options, build, on_step, std::move(run));
 }
 
-// A run with so many modes beside the first of their group, in number and as a share of the groups,
-// is torn: landmarks that move meanwhile are fewer, and the vehicle came back and did not know
-// where it was.
+// So many modes beside the first of their group, in number and as a share of the groups, mean that
+// a loop was not closed: fewer landmarks move during a run.
 constexpr int kInconsistent = 4;
 constexpr double kInconsistentShare = 0.02;
 

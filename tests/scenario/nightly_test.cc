@@ -2,6 +2,7 @@
 //
 // The nightly job: what vehicles left in a folder goes into the maps, each run and report once.
 #include <fcntl.h>
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 #include <sys/file.h>
 #include <unistd.h>
@@ -19,6 +20,7 @@
 #include "mapstore/core/clock.h"
 #include "mapstore/map/sha256.h"
 #include "mapstore/map_store.h"
+#include "tests/scenario/background_command.h"
 #include "tests/scenario/command.h"
 #include "tests/scenario/world.h"
 #include "tests/support/status_matchers.h"
@@ -213,6 +215,63 @@ TEST_F(NightlyTest, AVehicleAtTwoPlacesAtOneTimeIsNamed) {
   EXPECT_NE(night.err.find("vehicle 'robot' is in runs '"), std::string::npos) << night.err;
   const std::string reasons = Json::parse(night.out)["areas"][0]["reasons"].dump();
   EXPECT_NE(reasons.find("a clock is wrong, or two vehicles have one name"), std::string::npos);
+}
+
+TEST_F(NightlyTest, ALogWhoseClockWasSetWhileItDroveIsHeld) {
+  Bring(0, "monday");
+  ASSERT_EQ(Night().exit_code, 0);
+  Bring(1, "tuesday", [](shiftmap::Run* log) {
+    const Stamp middle = log->odometry[log->odometry.size() / 2].stamp;
+    const Duration by = FromSeconds(8 * 3600.0);
+    for (OdometrySample& sample : log->odometry) {
+      if (sample.stamp > middle) sample.stamp += by;
+    }
+    for (Scan& scan : log->scans) {
+      if (scan.stamp > middle) scan.stamp += by;
+    }
+  });
+  Bring(2, "wednesday");
+  const CommandResult night = Night();
+  EXPECT_EQ(night.exit_code, kAttention) << night.err;
+  EXPECT_NE(night.err.find("tuesday.mcap' is left out of the map and held: its clock was set, or "
+                           "two runs are in it: there is nothing for 8.0 h after "),
+            std::string::npos)
+      << night.err;
+  EXPECT_EQ(Json::parse(night.out)["areas"][0]["runs_new"], 1);
+}
+
+// Whenever the edit comes, the map that is published holds it, and no run is to blame.
+TEST_F(NightlyTest, AnEditWhileTheNightBuildsIsInItsMap) {
+  for (const int run : {0, 1}) Bring(run, fmt::format("run_{}", run));
+  ASSERT_EQ(Night().exit_code, 0);
+  for (const int run : {2, 3}) Bring(run, fmt::format("run_{}", run));
+  const std::string before = store_ + ".before";
+  fs::copy_file(store_, before);
+  const std::string landmark = Show(store_)["groups"][0]["signature"];
+  for (const int delay_ms : {50, 100, 200, 300, 450}) {
+    fs::copy_file(before, store_, fs::copy_options::overwrite_existing);
+    BackgroundCommand night(
+        "shiftmap-mapper",
+        {"nightly", "--store", store_, "--logs", logs_, "--min-age-s", "0", "--threads", "1"});
+    usleep(static_cast<useconds_t>(1000 * delay_ms * kSlowdown));
+    const CommandResult edit = RunCommand("shiftmap-inspect",
+                                          {"edit",
+                                           "rename",
+                                           landmark,
+                                           "new name",
+                                           "--store",
+                                           store_,
+                                           "--area",
+                                           "floor",
+                                           "--reason",
+                                           "test"});
+    EXPECT_EQ(edit.exit_code, 0) << edit.err;
+    EXPECT_EQ(night.End(0), 0) << delay_ms << ": " << night.Errors();
+    MapStore store = *MapStore::Open(store_, MapStore::Access::kReadOnly);
+    const auto published = *store.PublishedVersion("floor");
+    EXPECT_EQ(store.RunIdentities("floor", *published)->size(), 4u) << delay_ms;
+    EXPECT_EQ(store.EditsOf("floor", *published)->size(), 1u) << delay_ms;
+  }
 }
 
 // Scans that had landmarks well in view where they stood, over the runs of a version's line.

@@ -262,6 +262,45 @@ TEST(BuildMap, WhichHalfOfAFarPlaceMovedIsDecidedByTheLargerOne) {
   }
 }
 
+// Under a limit that hardly any run keeps.
+TEST(BuildMap, EveryRunIsInTheMapOrWaitsOrIsRejected) {
+  MapperOptions strict;
+  strict.confirmation.false_misfit = 0.999;
+  int waiting = 0;
+  for (std::uint64_t seed = 1; seed <= 10; ++seed) {
+    OpenWorldOptions world_options = SmallWorld(seed);
+    world_options.runs = 3;
+    const SimulatedWorld world = Simulate(world_options);
+    const std::vector<MapperInput> inputs = testing::Inputs(world);
+    const auto number = [&](const Signature& signature) {
+      const auto group = std::find_if(world.groups.begin(),
+                                      world.groups.end(),
+                                      [&](const auto& of) { return of.signature == signature; });
+      return 2 * (group - world.groups.begin()) / std::ssize(world.groups);
+    };
+    // The map has one half of the landmarks, the last run the other one.
+    const auto only = [&](std::size_t run, std::ptrdiff_t half) {
+      MapperInput input = inputs[run];
+      for (Scan& scan : input.run.scans) {
+        std::erase_if(scan.observations,
+                      [&](const Observation& of) { return number(of.signature) != half; });
+      }
+      return input;
+    };
+    const MapContent prior = Build({only(0, 0)}).content;
+    const StatusOr<MapperResult> result = BuildMap({inputs[1], only(2, 1)}, prior, strict);
+    ASSERT_TRUE(result.ok()) << result.status() << ", seed " << seed;
+    std::size_t runs = result->runs.size() + result->rejected.size();
+    for (const AmbiguousChange& change : result->ambiguous_changes) {
+      if (!change.waits) continue;
+      runs += change.runs.size();
+      waiting += static_cast<int>(change.runs.size());
+    }
+    EXPECT_EQ(runs, 2u) << "seed " << seed;
+  }
+  EXPECT_GT(waiting, 0);
+}
+
 // Also if it is the run that sees most landmarks, with which the map would begin.
 // The oracle: the map without the run.
 TEST(BuildMap, ARunOfABrokenOdometerIsLeftOut) {

@@ -9,6 +9,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <fstream>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <random>
@@ -17,6 +18,8 @@
 #include <string>
 #include <vector>
 
+#include "mapper/cli/area_build.h"
+#include "mapper/cli/log_file.h"
 #include "mapper/nightly/candidate.h"
 #include "mapper/nightly/left_out.h"
 #include "mapstore/cli/stop_signals.h"
@@ -32,6 +35,7 @@ namespace shiftmap {
 namespace {
 
 using testing::IsOk;
+using testing::StatusIs;
 
 class AreaNightTest : public ::testing::Test {
  protected:
@@ -272,6 +276,54 @@ TEST_F(AreaNightTest, FoldsExcuseNoVersionThatIsWorse) {
   EXPECT_FALSE(night.published);
   ASSERT_TRUE(night.judgement);
   EXPECT_EQ(night.judgement->judged_by, JudgedBy::kFolds);
+}
+
+// The rest of a log that comes while its first part is built.
+TEST_F(AreaNightTest, ALogThatGrewSinceItWasReadIsNotCommitted) {
+  const LogHead log = Log(0);
+  std::ostringstream err;
+  Context context(CommonOptions(), &err);
+  const StopSignals signals;
+  AreaBuildOptions options = night_.build;
+  options.area = "floor";
+  options.logs = {log.path};
+  for (const bool grows : {true, false}) {
+    StatusOr<AreaBuild> build = MakeAreaBuild(options, context);
+    ASSERT_THAT(build, IsOk());
+    if (grows) std::ofstream(log.path, std::ios::app) << "more";
+    const Status committed = CommitArea(options, context, &*build);
+    if (grows) {
+      EXPECT_THAT(committed, StatusIs(StatusCode::kAborted, "changed after the build had read it"));
+      Log(0);
+    } else {
+      EXPECT_THAT(committed, IsOk());
+    }
+  }
+}
+
+TEST(RunName, HasItsFolderWhereAnotherLogHasTheSameName) {
+  const std::vector<std::string> paths = {
+      "logs/a/run.mcap", "logs/b/run.mcap", "logs/b/other.mcap"};
+  EXPECT_EQ(RunNameOf(paths[0], paths), "a/run");
+  EXPECT_EQ(RunNameOf(paths[1], paths), "b/run");
+  EXPECT_EQ(RunNameOf(paths[2], paths), "other");
+  EXPECT_EQ(RunNameOf("run.mcap", {"run.mcap", "b/run.mcap"}), "run");
+}
+
+// A version that a night refused is not the one to be made with other options.
+TEST_F(AreaNightTest, AnotherLimitIsAnotherBuild) {
+  const AreaBuildOptions usual;
+  const std::string key = NightKey({}, usual);
+  EXPECT_EQ(NightKey({}, usual), key);
+  AreaBuildOptions other = usual;
+  other.limits.max_range_m = 20.0;
+  EXPECT_NE(NightKey({}, other), key);
+  other = usual;
+  other.clock_tolerance_s = 60.0;
+  EXPECT_NE(NightKey({}, other), key);
+  other = usual;
+  other.no_learned_rates = true;
+  EXPECT_NE(NightKey({}, other), key);
 }
 
 TEST_F(AreaNightTest, OneRunAloneIsItsOwnJudge) {
