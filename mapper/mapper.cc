@@ -295,7 +295,7 @@ int RefineWithNoise(const MapperOptions& options,
 
 // Takes out modes of too few sightings, and runs that nothing holds then.
 Status RemoveUnsupported(const MapperOptions& options, BuildState* build) {
-  if (DropUnsupportedModes(options.modes, build) == 0) return OkStatus();
+  if (build->runs.empty() || DropUnsupportedModes(options.modes, build) == 0) return OkStatus();
   if (FlatModes(*build).count() == 0) {
     return InvalidArgument("no run can be used: none has {} sightings of one landmark",
                            options.modes.min_sightings);
@@ -319,7 +319,7 @@ StatusOr<int> RefineTogether(const MapperOptions& options, Watch* watch, BuildSt
   int iterations = RefineAndRelocate(options, watch->During("all runs", 0.6), build, &solver);
   SHIFTMAP_RETURN_IF_ERROR(watch->status());
   SHIFTMAP_RETURN_IF_ERROR(RemoveRunsOfNoMode(build));
-  if (!build->runs.empty()) SHIFTMAP_RETURN_IF_ERROR(RemoveUnsupported(options, build));
+  SHIFTMAP_RETURN_IF_ERROR(RemoveUnsupported(options, build));
   if (build->runs.empty()) return iterations;
   if (options.calibrate) {
     DropDistortions(build);

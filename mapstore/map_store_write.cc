@@ -350,10 +350,8 @@ Status MapStore::State::ChangeExclusion(const std::string& area,
   }
   SHIFTMAP_ASSIGN_OR_RETURN(Transaction transaction, Change(dry_run));
   SHIFTMAP_ASSIGN_OR_RETURN(const AreaRow area_row, GetArea(database, area));
-  std::set<std::string> names;
   if (!exclusion.run.empty()) {
     SHIFTMAP_ASSIGN_OR_RETURN(exclusion.run, FindRun(database, area_row.area_id, exclusion.run));
-    SHIFTMAP_ASSIGN_OR_RETURN(names, NamesOfRun(database, area_row.area_id, exclusion.run));
   }
   const std::string subject = exclusion.vehicle.empty()
                                   ? fmt::format("run {}", exclusion.run)
@@ -372,13 +370,17 @@ Status MapStore::State::ChangeExclusion(const std::string& area,
                         exclusion.held ? "excluded or held" : "excluded");
     }
   } else {
-    SHIFTMAP_ASSIGN_OR_RETURN(bool ended, EndExclusion(database, area_row.area_id, exclusion, now));
+    std::set<std::string> names{exclusion.run};
+    if (!exclusion.run.empty()) {
+      SHIFTMAP_ASSIGN_OR_RETURN(names, NamesOfRun(database, area_row.area_id, exclusion.run));
+    }
+    bool ended = false;
     for (const std::string& name : names) {
       Exclusion by_name = exclusion;
       by_name.run = name;
-      SHIFTMAP_ASSIGN_OR_RETURN(const bool also,
+      SHIFTMAP_ASSIGN_OR_RETURN(const bool by_this,
                                 EndExclusion(database, area_row.area_id, by_name, now));
-      ended = ended || also;
+      ended = ended || by_this;
     }
     if (!ended) return NotFound("{}: {}: is neither excluded nor held", AreaName(area), subject);
   }

@@ -300,7 +300,7 @@ StatusOr<std::optional<ReturnResult>> WriteResults(const RunOptions& options,
         store,
         OpenStore(
             *options.store, MapStore::Access::kReadWrite, context, options.clock_tolerance_s));
-    // Before a file is written, what the store would refuse.
+    // Fails before a file is written if the store would refuse the report.
     SHIFTMAP_RETURN_IF_ERROR(store->CheckClock(report));
     WarnOfUnsetClock(fmt::format("run log '{}'", options.run), report, context);
   }

@@ -245,8 +245,8 @@ StatusOr<int> CountSetAside(const std::string& area,
       now.begin(), now.end(), [&](const std::string& uuid) { return !then.contains(uuid); }));
 }
 
-// The rest of a log that arrived since it was read would never be mapped: what is older than the
-// version counts as read.
+// A log that is older than the version counts as read whole: what the recorder appended after the
+// reading would never be mapped.
 Status CheckUnchanged(const std::vector<ReadLog>& files) {
   for (const ReadLog& file : files) {
     const std::optional<Stamp> changed = ChangedAt(file.path);

@@ -3,7 +3,6 @@
 
 #include <sys/stat.h>
 
-#include <algorithm>
 #include <chrono>
 #include <filesystem>
 
@@ -16,13 +15,18 @@ std::optional<Stamp> ChangedAt(const std::string& path) {
                std::chrono::nanoseconds(status.st_ctim.tv_nsec));
 }
 
-std::string RunNameOf(const std::string& path, const std::vector<std::string>& paths) {
+RunNames::RunNames(const std::vector<std::string>& paths) {
+  for (const std::string& path : paths) {
+    paths_[std::filesystem::path(path).stem().string()].insert(path);
+  }
+}
+
+std::string RunNames::Of(const std::string& path) const {
   const std::filesystem::path log(path);
   const std::string stem = log.stem().string();
-  const bool shared = std::any_of(paths.begin(), paths.end(), [&](const std::string& other) {
-    return other != path && std::filesystem::path(other).stem() == stem;
-  });
   const std::string folder = log.parent_path().filename().string();
+  const auto named = paths_.find(stem);
+  const bool shared = named != paths_.end() && named->second.size() > 1;
   return shared && !folder.empty() ? folder + "/" + stem : stem;
 }
 

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <cstdint>
+#include <map>
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -20,8 +21,18 @@ struct ReadLog {
   std::optional<Stamp> changed;  ///< ChangedAt().
 };
 
-/// The name of a run: the stem of its log's path, and its folder before it where another log of
-/// `paths` has the same stem.
-std::string RunNameOf(const std::string& path, const std::vector<std::string>& paths);
+/// Names of the runs of a build.
+class RunNames {
+ public:
+  /// @param paths  Of its logs.
+  explicit RunNames(const std::vector<std::string>& paths);
+
+  /// The stem of a log's path, and its folder before it where another one of the logs has the same
+  /// stem.
+  std::string Of(const std::string& path) const;
+
+ private:
+  std::map<std::string, std::set<std::string>> paths_;  // By stem.
+};
 
 }  // namespace shiftmap

@@ -29,6 +29,8 @@ class Loader {
   Loader(const RunLoaderOptions& options, const Context& context)
       : options_(options),
         context_(context),
+        // Trajectories are files of a run's name, in one folder.
+        names_(options.unique_names ? std::vector<std::string>() : options.logs),
         choice_(options.max_memory_bytes, options.prior_modes, options.threads) {}
 
   Status Load(const std::string& path);
@@ -41,11 +43,7 @@ class Loader {
   };
 
   void Reject(const std::string& path, const Status& status, bool longer = false) {
-    rejected_.push_back({NameOf(path), status, longer});
-  }
-  // Trajectories are files of that name, in one folder.
-  std::string NameOf(const std::string& path) const {
-    return RunNameOf(path, options_.unique_names ? std::vector<std::string>() : options_.logs);
+    rejected_.push_back({names_.Of(path), status, longer});
   }
   // Drops what no vehicle or sensor does.
   Status DropImplausibleItems(const std::string& path, RunLog* log);
@@ -62,6 +60,7 @@ class Loader {
 
   const RunLoaderOptions& options_;
   const Context& context_;
+  const RunNames names_;
   std::set<std::string> seen_;                // Hashes.
   std::map<std::string, std::string> paths_;  // By name.
   RunChoice choice_;
@@ -178,7 +177,7 @@ Status Loader::Load(const std::string& path) {
   }
   const Status set = CheckClockWasSet(LogName(path), BeginOf(log->run));
   if (!set.ok()) context_.Warn(Message(set) + ": its visits count as older than all others");
-  const std::string name = NameOf(path);
+  const std::string name = names_.Of(path);
   SHIFTMAP_RETURN_IF_ERROR(CheckName(path, name));
 
   if (!KeepLongest(path, *log)) return OkStatus();

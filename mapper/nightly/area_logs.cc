@@ -38,16 +38,14 @@ struct KnownRuns {
 
 StatusOr<KnownRuns> ReadKnownRuns(const std::string& area, MapStore* store) {
   KnownRuns known;
-  const StatusOr<std::optional<VersionNumber>> published = store->PublishedVersion(area);
-  if (published.status().code() == StatusCode::kNotFound) return known;
-  if (!published.ok()) return published.status();
+  SHIFTMAP_ASSIGN_OR_RETURN(const auto published, store->PublishedVersion(area));
   const StatusOr<std::vector<Exclusion>> exclusions = store->Exclusions(area);
   if (exclusions.status().code() == StatusCode::kNotFound) return known;
   if (!exclusions.ok()) return exclusions.status();
   known.exclusions = *exclusions;
   SHIFTMAP_ASSIGN_OR_RETURN(known.waiting, store->WaitingRuns(area));
-  if (!*published) return known;
-  SHIFTMAP_ASSIGN_OR_RETURN(known.mapped, store->RunIdentities(area, **published));
+  if (!published) return known;
+  SHIFTMAP_ASSIGN_OR_RETURN(known.mapped, store->RunIdentities(area, *published));
   SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<VersionSummary> versions, store->Versions(area));
   SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<AuditEntry> audit,
                             store->AuditLog(area, {AuditAction::kPublish, AuditAction::kRollback}));
@@ -55,7 +53,7 @@ StatusOr<KnownRuns> ReadKnownRuns(const std::string& area, MapStore* store) {
     SHIFTMAP_ASSIGN_OR_RETURN(const auto identities, store->RunIdentities(area, version));
     for (const std::string& run : identities) known.rolled_back.emplace(run, version);
   }
-  SHIFTMAP_ASSIGN_OR_RETURN(known.prior, FindPriorVersion(area, **published, nullptr, store));
+  SHIFTMAP_ASSIGN_OR_RETURN(known.prior, FindPriorVersion(area, *published, nullptr, store));
   if (!known.prior) return known;
   SHIFTMAP_ASSIGN_OR_RETURN(known.kept, store->LineRuns(area, *known.prior));
   return known;

@@ -177,10 +177,8 @@ StatusOr<Judgement> Area::JudgeCandidate(const Candidate& candidate,
 Status Area::CheckUpToDate(const Candidate& candidate) const {
   if (!candidate.build || !HasStore(options_)) return OkStatus();
   SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, Open(MapStore::Access::kReadOnly));
-  const StatusOr<std::optional<VersionNumber>> published = store.PublishedVersion(night_.area);
-  if (published.status().code() == StatusCode::kNotFound) return OkStatus();
-  if (!published.ok()) return published.status();
-  if (*published == candidate.build->commit_options.expected) return OkStatus();
+  SHIFTMAP_ASSIGN_OR_RETURN(const auto published, store.PublishedVersion(night_.area));
+  if (published == candidate.build->commit_options.expected) return OkStatus();
   return MakeStatus(StatusCode::kAborted,
                     "area '{}': another version was published since the build began",
                     night_.area);
@@ -311,6 +309,7 @@ StatusOr<bool> Area::LeaveOut(const Candidate& candidate) {
   std::vector<LogHead> out;
   std::vector<std::string> paths;
   for (const LogHead& log : given_) paths.push_back(log.path);
+  const RunNames names(paths);
   std::erase_if(given_, [&](const LogHead& log) {
     if (candidate.version.Has(log)) return false;
     out.push_back(log);
@@ -319,7 +318,7 @@ StatusOr<bool> Area::LeaveOut(const Candidate& candidate) {
   });
   for (const std::string& line : candidate.outcome.left_out) {
     const auto log = std::find_if(out.begin(), out.end(), [&](const LogHead& of) {
-      return line.starts_with(fmt::format("run '{}' ", RunNameOf(of.path, paths)));
+      return line.starts_with(fmt::format("run '{}' ", names.Of(of.path)));
     });
     if (log == out.end()) {
       Say(line);

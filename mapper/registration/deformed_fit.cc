@@ -30,8 +30,8 @@ class DeformedRunMap {
         positions_(ModePositions(run_map.build)),
         covariance_(FreeGauge(positions_, options.sd_range_scale, run_map.covariance)) {}
 
-  // Takes modes for known, and conditions `open` on them, for Match(). False if values are so
-  // far off that they tell nothing of each other.
+  // Takes modes for known, and conditions `open` on them, for Match(). False if their
+  // covariance is not positive definite.
   bool Hold(const KnownModes& known, std::vector<ModeIndex> open) {
     std::vector<ModeIndex> first;
     for (const ModeIndex i : known.indices()) {

@@ -22,8 +22,7 @@ namespace {
 
 // Which modes of an aligned run map are told apart from what they are nearest to.
 // @param deformed_by  The run map may be deformed as this covariance says, and the map as much.
-// Null:
-//                     the alignment is all that is uncertain.
+//                     Null: the alignment is all that is uncertain.
 ModeFlags ToldApart(const MapperOptions& options,
                     const Alignment& alignment,
                     const ModeMatches& matches,

@@ -150,8 +150,8 @@ BuildState MapByEkf(const MapperOptions& options,
   return MapFromPoses(options, build, on_step, std::move(run));
 }
 
-// So many modes beside the first of their group, in number and as a share of the groups, mean that
-// a loop was not closed: fewer landmarks move during a run.
+// A run has an open loop if its landmarks have so many second modes, in number and as a share of
+// the groups: fewer landmarks move during a run.
 constexpr int kInconsistent = 4;
 constexpr double kInconsistentShare = 0.02;
 

@@ -45,8 +45,7 @@ std::string RefuseOtherThanInteger(const std::string& text) {
   if (std::is_unsigned_v<Integer> && text.starts_with('-')) {
     return fmt::format("Value {} is negative", text);
   }
-  // It would also read hexadecimal and octal numbers, and the largest integer for what is beyond
-  // it.
+  // CLI11 also reads hexadecimal and octal numbers, and clamps a number that is out of range.
   if (ParseWhole<Integer>(text.starts_with('+') ? text.substr(1) : text)) return "";
   const bool number = ParseWhole<double>(text).has_value();
   return fmt::format("'{}' is {}", text, number ? "no integer in range" : "no number");

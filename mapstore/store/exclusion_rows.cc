@@ -95,12 +95,12 @@ StatusOr<std::string> FindRun(Database& database, std::int64_t area_id, const st
   SHIFTMAP_ASSIGN_OR_RETURN(
       Statement query,
       database.Prepare(
-          "SELECT identity FROM run JOIN version_run USING (run_id) JOIN version USING "
-          "(version_id) "
-          "WHERE area_id = ?2 AND (substr(identity, 1, length(?1)) = ?1 "
+          "SELECT identity FROM run JOIN version_run USING (run_id) "
+          "JOIN version USING (version_id) WHERE area_id = ?2 "
+          "AND (substr(identity, 1, length(?1)) = ?1 "
           "OR substr(sha256, 1, length(?1)) = ?1 OR name = ?1) UNION "
-          "SELECT identity FROM shift_report JOIN version USING (version_id) "
-          "WHERE area_id = ?2 AND (substr(identity, 1, length(?1)) = ?1 "
+          "SELECT identity FROM shift_report JOIN version USING (version_id) WHERE area_id = ?2 "
+          "AND (substr(identity, 1, length(?1)) = ?1 "
           "OR substr(uuid, 1, length(?1)) = ?1 OR substr(run_hash, 1, length(?1)) = ?1)"));
   query.Bind(text, area_id);
   SHIFTMAP_ASSIGN_OR_RETURN(const bool found, query.Step());

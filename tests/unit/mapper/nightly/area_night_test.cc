@@ -304,10 +304,11 @@ TEST_F(AreaNightTest, ALogThatGrewSinceItWasReadIsNotCommitted) {
 TEST(RunName, HasItsFolderWhereAnotherLogHasTheSameName) {
   const std::vector<std::string> paths = {
       "logs/a/run.mcap", "logs/b/run.mcap", "logs/b/other.mcap"};
-  EXPECT_EQ(RunNameOf(paths[0], paths), "a/run");
-  EXPECT_EQ(RunNameOf(paths[1], paths), "b/run");
-  EXPECT_EQ(RunNameOf(paths[2], paths), "other");
-  EXPECT_EQ(RunNameOf("run.mcap", {"run.mcap", "b/run.mcap"}), "run");
+  const RunNames names(paths);
+  EXPECT_EQ(names.Of(paths[0]), "a/run");
+  EXPECT_EQ(names.Of(paths[1]), "b/run");
+  EXPECT_EQ(names.Of(paths[2]), "other");
+  EXPECT_EQ(RunNames({"run.mcap", "b/run.mcap"}).Of("run.mcap"), "run");
 }
 
 // A version that a night refused is not the one to be made with other options.
