@@ -51,14 +51,18 @@ const Mode& ModeOf(const MapSnapshot& snapshot, ModeRef mode) {
 // pose.
 constexpr double kMaxSecondOrder = 0.1;
 
-// H_pose X for the Jacobian of q by the pose and the rows of X that are the pose's.
-Eigen::Matrix2d TimesPoseJacobian(const KnownMapFilter::Point& point,
-                                  const KnownMapFilter::StateByPoint& X) {
-  if (point.relinearized) return point.H_pose * X.topRows<3>();
-  const Eigen::Vector2d& q = point.q;
-  Eigen::Matrix2d product;
-  product.row(0) = X.row(2) * q.y() - X.row(0);
-  product.row(1) = X.row(2) * -q.x() - X.row(1);
+// H X for the Jacobian H of an observed position by the state. What H has beside its zeros and ones
+// is spelled out.
+Eigen::Matrix2d TimesJacobian(const KnownMapFilter::Point& point,
+                              const KnownMapFilter::StateByPoint& X) {
+  Eigen::Matrix2d product = point.H_range_scale * X.row(KnownMapFilter::kRangeScale);
+  if (point.relinearized) {
+    product += point.H_pose * X.topRows<3>();
+  } else {
+    const Eigen::Vector2d& q = point.q;
+    product.row(0) += X.row(2) * q.y() - X.row(0);
+    product.row(1) += X.row(2) * -q.x() - X.row(1);
+  }
   return product;
 }
 
@@ -73,12 +77,30 @@ void MovePose(const Eigen::Matrix3d& A_pose, Columns* X) {
   }
 }
 
-// X <- [T U] X for U = [0 I]ᵀ: what a correction makes of errors.
+// P Hᵀ, as above.
+KnownMapFilter::StateByPoint CovarianceWithState(const KnownMapFilter::StateMatrix& P,
+                                                 const KnownMapFilter::Point& point) {
+  KnownMapFilter::StateByPoint product =
+      P.col(KnownMapFilter::kRangeScale) * point.H_range_scale.transpose();
+  if (point.relinearized) {
+    product += P.leftCols<3>() * point.H_pose.transpose();
+  } else {
+    product.col(0) += P.col(2) * point.q.y() - P.col(0);
+    product.col(1) += P.col(2) * -point.q.x() - P.col(1);
+  }
+  return product;
+}
+
+// The columns of the pose and of the range scale; those of the scales of odometry are unit ones.
+using CorrectionColumns = Eigen::Matrix<double, KnownMapFilter::kStates, 4>;
+
+// X <- T X: what a correction makes of errors.
 template <typename Columns>
-void Correct(const Eigen::Matrix<double, KnownMapFilter::kStates, 3>& T, Columns* X) {
+void Correct(const CorrectionColumns& T, Columns* X) {
   for (Eigen::Index j = 0; j < Columns::ColsAtCompileTime; ++j) {
     Eigen::Matrix<double, KnownMapFilter::kStates, 1> corrected =
-        T.col(0) * (*X)(0, j) + T.col(1) * (*X)(1, j) + T.col(2) * (*X)(2, j);
+        T.col(0) * (*X)(0, j) + T.col(1) * (*X)(1, j) + T.col(2) * (*X)(2, j) +
+        T.col(3) * (*X)(KnownMapFilter::kRangeScale, j);
     corrected(3) += (*X)(3, j);
     corrected(4) += (*X)(4, j);
     X->col(j) = corrected;
@@ -88,7 +110,8 @@ void Correct(const Eigen::Matrix<double, KnownMapFilter::kStates, 3>& T, Columns
 KnownMapFilter::StateMatrix StartCovariance(const PoseWithCovariance& start, double sd_log_scale) {
   KnownMapFilter::StateMatrix P = KnownMapFilter::StateMatrix::Zero();
   P.topLeftCorner<3, 3>() = start.cov_T_map_vehicle;
-  P.bottomRightCorner<2, 2>() = Eigen::Matrix2d::Identity() * (sd_log_scale * sd_log_scale);
+  P.diagonal().tail<3>() =
+      Eigen::Vector3d(sd_log_scale, sd_log_scale, KnownMapFilter::kSdLogRangeScale).cwiseAbs2();
   return P;
 }
 
@@ -104,8 +127,8 @@ bool IsSoundCovariance(const KnownMapFilter::StateMatrix& P) {
   constexpr double kMaxVariance = KnownMapFilter::kMaxPositionSd * KnownMapFilter::kMaxPositionSd;
   constexpr double kMaxYawVariance = KnownMapFilter::kMaxYawSd * KnownMapFilter::kMaxYawSd;
   return P(0, 0) > 0.0 && xx_yy > 0.0 && determinant > 0.0 && P(3, 3) > 0.0 && P(4, 4) > 0.0 &&
-         P(0, 0) + P(1, 1) < kMaxVariance && P(2, 2) < kMaxYawVariance &&
-         P(3, 3) + P(4, 4) < kMaxMagnitude;
+         P(5, 5) > 0.0 && P(0, 0) + P(1, 1) < kMaxVariance && P(2, 2) < kMaxYawVariance &&
+         P(3, 3) + P(4, 4) + P(5, 5) < kMaxMagnitude;
 }
 
 // A covariance without the negative eigenvalues that rounding leaves.
@@ -143,7 +166,7 @@ bool KnownMapFilter::IsSound() const {
   const Eigen::Vector2d& t = T_map_vehicle_.translation();
   return WithinMagnitude(t.x()) && WithinMagnitude(t.y()) && std::isfinite(T_map_vehicle_.yaw()) &&
          WithinMagnitude(log_scale_.x()) && WithinMagnitude(log_scale_.y()) &&
-         IsSoundCovariance(P_);
+         WithinMagnitude(log_scale_.z()) && IsSoundCovariance(P_);
 }
 
 void KnownMapFilter::StartAnewUnlessSound() {
@@ -181,15 +204,15 @@ void KnownMapFilter::MoveTo(const Se2& T_map_vehicle) {
 
 void KnownMapFilter::Predict(const MotionIncrement& increment, double elapsed_s) {
   const Eigen::Matrix<double, 3, 2> J = increment.J_calibration.leftCols<2>();
-  const Se2 T_begin_end = increment.T_begin_end * Se2::Exp(J * log_scale_);
+  const Se2 T_begin_end = increment.T_begin_end * Se2::Exp(J * log_scale_.head<2>());
   MoveTo(T_map_vehicle_ * T_begin_end);
 
   StateMatrix F = StateMatrix::Identity();
   F.topLeftCorner<3, 3>() = T_begin_end.InverseAdjoint();
-  F.topRightCorner<3, 2>() = J;
+  F.block<3, 2>(0, 3) = J;
   StateMatrix Q = StateMatrix::Zero();
   Q.topLeftCorner<3, 3>() = increment.cov;
-  Q.bottomRightCorner<2, 2>().diagonal().setConstant(kLogScaleWalk * kLogScaleWalk * elapsed_s);
+  Q.diagonal().tail<3>().setConstant(kLogScaleWalk * kLogScaleWalk * elapsed_s);
   P_ = Symmetrized(StateMatrix(F * P_ * F.transpose() + Q));
   shared_errors_.Predict(F, Q, elapsed_s);
   range_bearing_bias_.cross = F * range_bearing_bias_.cross;
@@ -275,18 +298,32 @@ KnownMapFilter::Point KnownMapFilter::PredictPoint(const Eigen::Vector2d& p_map_
   point.q = R_vehicle_map_ * (p_map_landmark - T_map_vehicle_.translation());
   point.q_linear = point.q;
   point.H_pose << -1.0, 0.0, point.q.y(), 0.0, -1.0, -point.q.x();
+  point.H_range_scale = point.q;
   point.H_landmark = R_vehicle_map_;
   const StateByPoint cross_q = cross * point.H_landmark.transpose();
-  // What H_pose has beside its zeros and ones is spelled out, here and below.
-  StateByPoint cov_state;
-  cov_state.col(0) = P_.col(2) * point.q.y() - P_.col(0);
-  cov_state.col(1) = P_.col(2) * -point.q.x() - P_.col(1);
+  const StateByPoint cov_state = CovarianceWithState(P_, point);
   point.cov_state_q = cov_state + cross_q;
-  const Eigen::Matrix2d H_cross = TimesPoseJacobian(point, cross_q);
-  point.cov_q = TimesPoseJacobian(point, cov_state) + H_cross + H_cross.transpose() +
+  const Eigen::Matrix2d H_cross = TimesJacobian(point, cross_q);
+  point.cov_q = TimesJacobian(point, cov_state) + H_cross + H_cross.transpose() +
                 point.H_landmark * cov_p * point.H_landmark.transpose();
   point.cov_q = Symmetrized(point.cov_q);
   return point;
+}
+
+KnownMapFilter::Measurement KnownMapFilter::WithoutScale(const Measurement& measurement) const {
+  const double shrink = std::exp(-log_scale_.z());
+  Measurement unscaled = measurement;
+  unscaled.q *= shrink;
+  unscaled.log_m2_per_unit -= 2.0 * log_scale_.z();
+  if (measurement.kind == Observation::Kind::kCartesian) {
+    unscaled.cov_z *= shrink * shrink;
+    unscaled.cov_noise = unscaled.cov_z;
+  } else {
+    unscaled.cov_z.row(0) *= shrink;
+    unscaled.cov_z.col(0) *= shrink;
+    LinearizeAt(unscaled.q, &unscaled);
+  }
+  return unscaled;
 }
 
 KnownMapFilter::Measurement KnownMapFilter::Measure(const Observation& observation,
@@ -328,11 +365,11 @@ KnownMapFilter::Point KnownMapFilter::LinearizedAt(const Eigen::Vector3d& xi,
   const Eigen::Matrix2d R = T_here_there.Rotation().transpose();
   const Eigen::Vector2d q = T_here_there.Inverse() * point.q;
   // What comes of the mode: its error's covariance with the state's, and its own.
-  const StateByPoint cov_state = P_.leftCols<3>() * point.H_pose.transpose();
+  const StateByPoint cov_state = CovarianceWithState(P_, point);
   const StateByPoint cross_q = point.cov_state_q - cov_state;
-  const Eigen::Matrix2d H_cross = point.H_pose * cross_q.topRows<3>();
+  const Eigen::Matrix2d H_cross = TimesJacobian(point, cross_q);
   const Eigen::Matrix2d cov_mode =
-      point.cov_q - point.H_pose * cov_state.topRows<3>() - H_cross - H_cross.transpose();
+      point.cov_q - TimesJacobian(point, cov_state) - H_cross - H_cross.transpose();
 
   Point there;
   there.q = point.q;
@@ -340,13 +377,14 @@ KnownMapFilter::Point KnownMapFilter::LinearizedAt(const Eigen::Vector3d& xi,
   there.H_pose << -1.0, 0.0, q.y(), 0.0, -1.0, -q.x();
   there.q_linear = q - there.H_pose * xi;
   there.H_pose = (there.H_pose * Se2::RightJacobian(xi)).eval();
+  there.H_range_scale = q;
   there.H_landmark = R * point.H_landmark;
   const StateByPoint cross_there = cross_q * R.transpose();
-  const StateByPoint state_there = P_.leftCols<3>() * there.H_pose.transpose();
+  const StateByPoint state_there = CovarianceWithState(P_, there);
   there.cov_state_q = state_there + cross_there;
-  const Eigen::Matrix2d H_cross_there = there.H_pose * cross_there.topRows<3>();
-  there.cov_q = there.H_pose * state_there.topRows<3>() + H_cross_there +
-                H_cross_there.transpose() + R * cov_mode * R.transpose();
+  const Eigen::Matrix2d H_cross_there = TimesJacobian(there, cross_there);
+  there.cov_q = TimesJacobian(there, state_there) + H_cross_there + H_cross_there.transpose() +
+                R * cov_mode * R.transpose();
   there.cov_q = Symmetrized(there.cov_q);
   return there;
 }
@@ -383,7 +421,7 @@ KnownMapFilter::Prediction KnownMapFilter::PredictLinear(const Measurement& of,
                                                          const Point& point) const {
   Prediction prediction;
   prediction.point = point;
-  prediction.measurement = of;
+  prediction.measurement = WithoutScale(of);
   Measurement& measurement = prediction.measurement;
   LinearizeAt(point, &measurement);
   prediction.nu = measurement.q - point.q_linear;
@@ -391,7 +429,7 @@ KnownMapFilter::Prediction KnownMapFilter::PredictLinear(const Measurement& of,
   const SensorBias& bias = BiasOf(measurement.kind);
   const Eigen::Matrix2d& dq_dz = measurement.dq_dz;
   const StateByPoint cross_bias = bias.cross * dq_dz.transpose();
-  const Eigen::Matrix2d H_cross = TimesPoseJacobian(point, cross_bias);
+  const Eigen::Matrix2d H_cross = TimesJacobian(point, cross_bias);
   prediction.cov_state_z = point.cov_state_q + cross_bias;
   prediction.S = point.cov_q + H_cross + H_cross.transpose() +
                  dq_dz * bias.cov * dq_dz.transpose() + measurement.cov_noise;
@@ -407,6 +445,7 @@ SharedErrors::Observed KnownMapFilter::ObservedBy(const Prediction& prediction,
   observed.kind = prediction.measurement.kind;
   observed.nu = prediction.nu;
   observed.H_pose = prediction.point.H_pose;
+  observed.H_range_scale = prediction.point.H_range_scale;
   observed.H_bias = prediction.measurement.dq_dz;
   observed.H_mode = prediction.point.H_landmark;
   const SensorBias& bias = BiasOf(observed.kind);
@@ -457,13 +496,15 @@ void KnownMapFilter::Update(const Prediction& prediction,
   const bool cartesian = prediction.measurement.kind == Observation::Kind::kCartesian;
   for (SensorBias* bias : {&range_bearing_bias_, &position_bias_}) {
     const bool observed = (bias == &position_bias_) == cartesian;
-    Eigen::Matrix2d cov_z_bias = TimesPoseJacobian(prediction.point, bias->cross);
+    Eigen::Matrix2d cov_z_bias = TimesJacobian(prediction.point, bias->cross);
     if (observed) cov_z_bias += prediction.measurement.dq_dz * bias->cov;
     bias->cross -= K * cov_z_bias;
   }
-  // The first columns of I - K H, the others are unit ones.
-  Eigen::Matrix<double, kStates, 3> T = Eigen::Matrix<double, kStates, 3>::Identity();
-  T -= K * prediction.point.H_pose;
+  // I - K H.
+  CorrectionColumns T = CorrectionColumns::Identity();
+  T.col(3) = StateVector::Unit(kRangeScale);
+  T.leftCols<3>() -= K * prediction.point.H_pose;
+  T.col(3) -= K * prediction.point.H_range_scale;
   const Eigen::Matrix3d A_pose =
       Move(K * prediction.nu, prediction.point.relinearized).topLeftCorner<3, 3>();
   MovePose(A_pose, &T);
@@ -484,11 +525,10 @@ void KnownMapFilter::Update(const Prediction& prediction,
   if (!taken) shared_errors_ = SharedErrors(P_);
 }
 
-KnownMapFilter::StateMatrix KnownMapFilter::Move(
-    const Eigen::Matrix<double, kStates, 1>& correction, bool relinearized) {
+KnownMapFilter::StateMatrix KnownMapFilter::Move(const StateVector& correction, bool relinearized) {
   const Se2 step = Se2::Exp(correction.head<3>());
   MoveTo(T_map_vehicle_ * step);
-  log_scale_ += correction.tail<2>();
+  log_scale_ += correction.tail<3>();
   StateMatrix A = StateMatrix::Identity();
   const Eigen::Matrix3d A_pose =
       relinearized ? Se2::RightJacobian(correction.head<3>()) : step.InverseAdjoint();
@@ -511,14 +551,13 @@ void KnownMapFilter::StartPlace(int group,
   UnknownPlace place;
   place.group = group;
   place.kind = measurement.kind;
-  place.p_map_landmark = T_map_vehicle_ * measurement.q;
+  place.p_map_landmark = T_map_vehicle_ * WithoutScale(measurement).q;
   place.p_odom_viewpoint = p_odom_viewpoint;
   const Prediction prediction =
       PredictLinear(measurement, PredictPoint(place.p_map_landmark, place.cov, place.cross_state));
   const SensorBias& bias = BiasOf(measurement.kind);
-  const Eigen::Matrix2d cov_bias_z =
-      bias.cross.topRows<3>().transpose() * prediction.point.H_pose.transpose() +
-      bias.cov * measurement.dq_dz.transpose();
+  const Eigen::Matrix2d cov_bias_z = TimesJacobian(prediction.point, bias.cross).transpose() +
+                                     bias.cov * prediction.measurement.dq_dz.transpose();
   place.cov = R_map_vehicle * prediction.S * R_vehicle_map_;
   place.cross_state = -prediction.cov_state_z * R_vehicle_map_;
   place.cross_bias = -cov_bias_z * R_vehicle_map_;
@@ -586,15 +625,14 @@ void KnownMapFilter::UpdatePlace(const UnknownPlace& place,
     shared_errors_ = SharedErrors(P_);
   }
   const Measurement& measurement = prediction.measurement;
-  const Eigen::Matrix<double, 2, 3>& H_x = prediction.point.H_pose;
   const Eigen::Matrix2d& H_p = prediction.point.H_landmark;
   const SensorBias& bias = BiasOf(measurement.kind);
   const Eigen::Matrix2d cross_bias = place.CrossBias(measurement.kind);
   const Eigen::Matrix2d S = prediction.S + (1.0 / weight - 1.0) * measurement.cov_noise;
-  const Eigen::Matrix2d cov_place_z = place.cross_state.topRows<3>().transpose() * H_x.transpose() +
-                                      place.cov * H_p.transpose() +
-                                      cross_bias.transpose() * measurement.dq_dz.transpose();
-  const Eigen::Matrix2d cov_bias_z = bias.cross.topRows<3>().transpose() * H_x.transpose() +
+  const Eigen::Matrix2d cov_place_z =
+      TimesJacobian(prediction.point, place.cross_state).transpose() + place.cov * H_p.transpose() +
+      cross_bias.transpose() * measurement.dq_dz.transpose();
+  const Eigen::Matrix2d cov_bias_z = TimesJacobian(prediction.point, bias.cross).transpose() +
                                      cross_bias * H_p.transpose() +
                                      bias.cov * measurement.dq_dz.transpose();
   const Eigen::Matrix2d K = cov_place_z * S.inverse();
@@ -644,7 +682,7 @@ void KnownMapFilter::Share(int mode_index,
 
 // Other places, gains and the other bias are corrected by their regression on the state's error.
 bool KnownMapFilter::AdoptSharedErrors(Observation::Kind kind, const JointCovariance& covariance) {
-  const Eigen::Matrix<double, kStates, 1> mean = shared_errors_.MeanOfState();
+  const StateVector mean = shared_errors_.MeanOfState();
   const StateMatrix cov = shared_errors_.CovarianceOfState();
   if (!mean.allFinite() || !IsSoundCovariance(cov)) return false;
   const StateMatrix information = P_.inverse();

@@ -24,8 +24,9 @@ struct ModeRef {
 /// Extended Kalman filter for the pose of a vehicle on a map that is uncertain and not updated. It
 /// estimates landmarks known to have moved (UpdatePlace()).
 ///
-/// State: T_map_vehicle with the perturbation T·Exp(ξ), and the deviation of this vehicle's
-/// (log scale_v, log scale_omega) from the fleet's calibration. Two things are *considered*
+/// State: T_map_vehicle with the perturbation T·Exp(ξ), the deviation of this vehicle's
+/// (log scale_v, log scale_omega) from the fleet's calibration, and the log-scale of the positions
+/// that it observes: measured over true. Two things are *considered*
 /// (Schmidt-Kalman), uncertain but not estimated: the errors of the modes, with the map's joint
 /// covariance, and a constant bias of the sensor. A filter that took the map as exact would count
 /// the error of a mode anew with each observation of it, and one without a bias would average away
@@ -39,8 +40,11 @@ struct ModeRef {
 /// Threads: const-safe. Without heap allocations; a copy copies 5 kB and what is in use of 9 kB.
 class KnownMapFilter {
  public:
-  static constexpr int kStates = 5;  ///< x, y, yaw, log scale_v, log scale_omega.
+  /// x, y, yaw, log scale_v, log scale_omega, log range scale.
+  static constexpr int kStates = SharedErrors::kStates;
+  static constexpr int kRangeScale = SharedErrors::kRangeScale;
   using StateMatrix = Eigen::Matrix<double, kStates, kStates>;
+  using StateVector = Eigen::Matrix<double, kStates, 1>;
   using StateByPoint = Eigen::Matrix<double, kStates, 2>;
 
   /// Modes kept as considered at most; beyond it the one that matters least is let go.
@@ -48,6 +52,9 @@ class KnownMapFilter {
 
   /// Standard deviation of the sensor's bias over that of its noise.
   static constexpr double kBiasShare = 0.7;
+
+  /// Of the log range scale at the start: as MapperOptions::sd_range_scale.
+  static constexpr double kSdLogRangeScale = 0.02;
 
   /// Beyond these variances lose the digits that tell landmarks apart. [m], [rad]
   static constexpr double kMaxPositionSd = 1e4;
@@ -68,8 +75,9 @@ class KnownMapFilter {
   struct Point {
     Eigen::Vector2d q = Eigen::Vector2d::Zero();
     Eigen::Matrix<double, 2, 3> H_pose = Eigen::Matrix<double, 2, 3>::Zero();  ///< dq/dξ.
-    Eigen::Matrix2d H_landmark = Eigen::Matrix2d::Zero();  ///< dq/dp_map_landmark.
-    Eigen::Vector2d q_linear = Eigen::Vector2d::Zero();    ///< Linear model of q at ξ = 0. [m]
+    Eigen::Vector2d H_range_scale = Eigen::Vector2d::Zero();  ///< Of the position observed. [m]
+    Eigen::Matrix2d H_landmark = Eigen::Matrix2d::Zero();     ///< dq/dp_map_landmark.
+    Eigen::Vector2d q_linear = Eigen::Vector2d::Zero();       ///< Linear model of q at ξ = 0. [m]
     bool relinearized = false;  ///< At the pose that an observation makes likeliest, not at ξ = 0.
     StateByPoint cov_state_q = StateByPoint::Zero();  ///< Of the state's error with q's.
     Eigen::Matrix2d cov_q = Eigen::Matrix2d::Zero();  ///< Of pose and mode, without sensor.
@@ -88,6 +96,9 @@ class KnownMapFilter {
   };
   /// @param cov_z  Of the observation, in its own units.
   static Measurement Measure(const Observation& observation, const Eigen::Matrix2d& cov_z);
+
+  /// The measurement of a sensor whose range scale is 1, by what is known of this one's.
+  Measurement WithoutScale(const Measurement& measurement) const;
 
   /// An observation against a mode, both as positions in the vehicle frame.
   struct Prediction {
@@ -176,10 +187,10 @@ class KnownMapFilter {
   const Se2& T_map_vehicle() const { return T_map_vehicle_; }
   const Eigen::Matrix2d& R_vehicle_map() const { return R_vehicle_map_; }
 
-  /// Deviation of (log scale_v, log scale_omega) from the fleet's.
-  const Eigen::Vector2d& log_scale() const { return log_scale_; }
+  /// Deviation of (log scale_v, log scale_omega) from the fleet's, and log range scale.
+  const Eigen::Vector3d& log_scale() const { return log_scale_; }
 
-  /// Of (ξ, log scale_v, log scale_omega).
+  /// Of (ξ, log scale_v, log scale_omega, log range scale).
   const StateMatrix& covariance() const { return P_; }
 
   /// Modes kept as considered.
@@ -241,7 +252,7 @@ class KnownMapFilter {
   // in the vehicle's: what an observation left unknown, a turn about the landmark, is then still
   // unknown to the next one. If the observation was linearized at the corrected pose, the right
   // Jacobian does this. Returns what the step makes of an error, for the gains.
-  StateMatrix Move(const Eigen::Matrix<double, kStates, 1>& correction, bool relinearized);
+  StateMatrix Move(const StateVector& correction, bool relinearized);
   void MarginalizeWeakest(int except);
 
   void MoveTo(const Se2& T_map_vehicle);
@@ -250,7 +261,7 @@ class KnownMapFilter {
 
   Se2 T_map_vehicle_;
   Eigen::Matrix2d R_vehicle_map_;  // Of it.
-  Eigen::Vector2d log_scale_ = Eigen::Vector2d::Zero();
+  Eigen::Vector3d log_scale_ = Eigen::Vector3d::Zero();
   double sd_log_scale_ = 0.0;  // At the start.
   StateMatrix P_ = StateMatrix::Zero();
   SensorBias range_bearing_bias_;

@@ -55,7 +55,7 @@ void SharedErrors::TransformPose(const Eigen::Matrix<double, 3, kColumns>& B) {
   cov_state.leftCols<3>() = (cov_state.leftCols<kColumns>() * B.transpose()).eval();
   double* columns[kColumns];
   for (int k = 0; k < kColumns; ++k) columns[k] = cov_.Column(k);
-  for (int row = kStates - 1; row < rows(); row += 2) {
+  for (int row = kStates; row < rows(); row += 2) {
     Pair sums[3];
     for (int i = 0; i < 3; ++i) {
       sums[i] = At(columns[0], row) * B(i, 0);
@@ -259,29 +259,33 @@ SharedErrors::Expected SharedErrors::Expect(const Observed& observed,
   const Eigen::Matrix2d& H_bias = observed.H_bias;
   const Eigen::Matrix2d& H_mode = observed.H_mode;
   Expected expected;
-  expected.nu = H_pose * mean_.head<3>() + H_bias * mean_.segment<2>(kBias) + H_mode * mode.mean;
+  const Eigen::Vector2d& H_scale = observed.H_range_scale;
+  expected.nu = H_pose * mean_.head<3>() + H_scale * mean_(kRangeScale) +
+                H_bias * mean_.segment<2>(kBias) + H_mode * mode.mean;
   for (int row = 0; row < rows; row += 2) {
     const Pair x = At(cov_.Column(0), row);
     const Pair y = At(cov_.Column(1), row);
     const Pair yaw = At(cov_.Column(2), row);
+    const Pair scale = At(cov_.Column(kRangeScale), row);
     const Pair bias_0 = At(cov_.Column(kBias), row);
     const Pair bias_1 = At(cov_.Column(kBias + 1), row);
     const Pair mode_0 = At(mode.cross.col(0).data(), row);
     const Pair mode_1 = At(mode.cross.col(1).data(), row);
     for (int i = 0; i < 2; ++i) {
       At(expected.cross.col(i).data(), row) =
-          (x * H_pose(i, 0) + y * H_pose(i, 1) + yaw * H_pose(i, 2)) +
+          (x * H_pose(i, 0) + y * H_pose(i, 1) + yaw * H_pose(i, 2)) + scale * H_scale(i) +
           (bias_0 * H_bias(i, 0) + bias_1 * H_bias(i, 1)) +
           (mode_0 * H_mode(i, 0) + mode_1 * H_mode(i, 1));
     }
   }
   const Eigen::Matrix2d cross_mode =
       mode.cross.topRows<3>().transpose() * H_pose.transpose() +
+      mode.cross.row(kRangeScale).transpose() * H_scale.transpose() +
       mode.cross.middleRows<2>(kBias).transpose() * H_bias.transpose() +
       mode.cov * H_mode.transpose();
-  expected.S = Symmetrized(Eigen::Matrix2d(H_pose * expected.cross.topRows<3>() +
-                                           H_bias * expected.cross.middleRows<2>(kBias) +
-                                           H_mode * cross_mode + observed.cov_noise));
+  expected.S = Symmetrized(Eigen::Matrix2d(
+      H_pose * expected.cross.topRows<3>() + H_scale * expected.cross.row(kRangeScale) +
+      H_bias * expected.cross.middleRows<2>(kBias) + H_mode * cross_mode + observed.cov_noise));
   return expected;
 }
 

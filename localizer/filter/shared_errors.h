@@ -25,9 +25,10 @@ namespace shiftmap {
 /// Without heap allocations: at most kMaxModes modes, of which the one unused for longest goes.
 class SharedErrors {
  public:
-  static constexpr int kStates = 5;
+  static constexpr int kStates = 6;      ///< As those of KnownMapFilter.
+  static constexpr int kRangeScale = 5;  ///< Row of the state: log range scale.
   static constexpr int kMaxModes = 12;
-  static constexpr int kMaxRows = kStates + 3 + 2 * kMaxModes;
+  static constexpr int kMaxRows = kStates + 2 + 2 * kMaxModes;
   using StateMatrix = Eigen::Matrix<double, kStates, kStates>;
   using StateVector = Eigen::Matrix<double, kStates, 1>;
 
@@ -46,12 +47,14 @@ class SharedErrors {
   /// seen. Its error is that of the fixed point which the innovations are taken against.
   static int PlaceIndex(int group) { return -1 - group; }
 
-  /// An innovation ν = H_state x̃ + H_bias b + H_mode e + v of a mode, v ~ N(0, cov_noise).
+  /// An innovation ν = H_pose x̃_pose + H_range_scale x̃_scale + H_bias b + H_mode e + v of a mode, v
+  /// ~ N(0, cov_noise).
   struct Observed {
     int mode_index = 0;  ///< Row in the map's covariance; or PlaceIndex().
     Observation::Kind kind = Observation::Kind::kRangeBearing;
     Eigen::Vector2d nu = Eigen::Vector2d::Zero();
     Eigen::Matrix<double, 2, 3> H_pose = Eigen::Matrix<double, 2, 3>::Zero();
+    Eigen::Vector2d H_range_scale = Eigen::Vector2d::Zero();
     Eigen::Matrix2d H_bias = Eigen::Matrix2d::Zero();
     Eigen::Matrix2d H_mode = Eigen::Matrix2d::Zero();
     Eigen::Matrix2d cov_bias = Eigen::Matrix2d::Zero();  ///< Prior of b.
@@ -120,9 +123,10 @@ class SharedErrors {
   PointError ErrorOf(int mode_index) const;
 
  private:
-  // Of a. The row after the bias stays zero: each mode then begins with an even row.
+  // Of a: bias and each mode begin with an even row.
   static constexpr int kBias = kStates;
-  static constexpr int kFixed = kStates + 3;
+  static constexpr int kFixed = kStates + 2;
+  static_assert(kStates % 2 == 0);
   using Vector = Eigen::Matrix<double, kMaxRows, 1>;
   using Columns = Eigen::Matrix<double, kMaxRows, 2>;
 

@@ -9,9 +9,8 @@
 namespace shiftmap {
 
 /// A landmark seen nearer to a mode than this does not count as moved: map or pose may be less
-/// exact than they say. At 0.4 m recorded robots whose range scale the map does not know take
-/// unmoved landmarks for moved. [m]
-inline constexpr double kMinDisplacement = 0.5;
+/// exact than they say. [m]
+inline constexpr double kMinDisplacement = 0.2;
 
 /// What is seen from viewpoints nearer to each other may be one outlier view, repeated. [m]
 inline constexpr double kApart = 0.5;
@@ -21,7 +20,7 @@ inline constexpr double kApart = 0.5;
 /// Its error p̃ shares what the pose (error x̃) and the sensor's bias b had wrong when the landmark
 /// was seen there, so that later sightings from the same trajectory need not count that again.
 struct UnknownPlace {
-  using StateByPoint = Eigen::Matrix<double, 5, 2>;
+  using StateByPoint = Eigen::Matrix<double, 6, 2>;
 
   int group = 0;                                             ///< Index into MapSnapshot::groups().
   Eigen::Vector2d p_map_landmark = Eigen::Vector2d::Zero();  ///< [m]

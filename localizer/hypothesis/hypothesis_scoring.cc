@@ -222,14 +222,15 @@ HypothesisBank::AtNoMode HypothesisBank::ScoreAtNoMode(const SeenObservation& se
                                                        const PlaceBelief& belief) const {
   AtNoMode score{seen.log_any, seen.new_share};
   const MovedLandmarks moved = MovedIn(leaf);
-  if (moved.empty() || !IsUnknown(seen.group, leaf.filter.T_map_vehicle() * seen.measurement.q))
-    return score;
+  if (moved.empty()) return score;
+  const KnownMapFilter::Measurement measurement = leaf.filter.WithoutScale(seen.measurement);
+  if (!IsUnknown(seen.group, leaf.filter.T_map_vehicle() * measurement.q)) return score;
   const double with_others =
       snapshot_.calibration().sensor.detection_probability *
       DensityWithOthers(snapshot_, leaf.filter, seen.group, seen.measurement, moved);
   // That others moved makes `absent` likelier than its prior, by which this is divided.
   const double log_with_others =
-      std::log(with_others) - belief.LogProbability(0) + seen.measurement.log_m2_per_unit;
+      std::log(with_others) - belief.LogProbability(0) + measurement.log_m2_per_unit;
   score.log_density = LogAdd(seen.log_any, log_with_others);
   score.place_share = 1.0 - (1.0 - seen.new_share) * std::exp(seen.log_any - score.log_density);
   return score;

@@ -113,6 +113,7 @@ RunErrors Drive(const ConsistencyScene& scene, std::uint64_t seed) {
   const std::vector<Eigen::Vector2d> landmarks = DrawLandmarks(scene, map, &dice);
   const Eigen::Vector2d sd_z(sensor.sd_range_m, sensor.sd_bearing_rad);
   const Eigen::Vector2d bias = KnownMapFilter::kBiasShare * sd_z.cwiseProduct(dice.Normal2());
+  const double range_scale = std::exp(KnownMapFilter::kSdLogRangeScale * dice.Normal());
   const Eigen::Vector2d log_scale = calibration.odometry.sd_log_scale * dice.Normal2();
 
   const PoseWithCovariance start{Se2(0.0, -2.5, 0.0),
@@ -140,7 +141,8 @@ RunErrors Drive(const ConsistencyScene& scene, std::uint64_t seed) {
                            std::abs(expected.y()) < sensor.max_bearing_rad;
       if (!in_view || dice.Uniform(0.0, 1.0) > sensor.detection_probability) continue;
       Observation observation;
-      observation.z = expected + bias + sd_z.cwiseProduct(dice.Normal2());
+      observation.z = expected.cwiseProduct(Eigen::Vector2d(range_scale, 1.0)) + bias +
+                      sd_z.cwiseProduct(dice.Normal2());
       const Eigen::Matrix2d R = ObservationNoise(observation, sensor);
       const ModeRef mode{static_cast<int>(j), 1};
       considered.Update(considered.PredictObservation(observation, R, mode, map), mode, map);

@@ -239,6 +239,7 @@ class ShiftDraw {
   void Look() {
     const SensorCalibration& sensor = shift_.content.calibration.sensor;
     const Eigen::Vector2d sd(sensor.sd_range_m, sensor.sd_bearing_rad);
+    range_scale_ = std::exp(KnownMapFilter::kSdLogRangeScale * Normal());
     bias_ = KnownMapFilter::kBiasShare * sd.cwiseProduct(Eigen::Vector2d(Normal(), Normal()));
     for (std::size_t i = 0; i < poses_.size(); ++i) {
       const auto sample = static_cast<int>(i);
@@ -278,7 +279,7 @@ class ShiftDraw {
         misread ? static_cast<std::size_t>(Integer(0, static_cast<int>(truth_.size()) - 1)) : j;
     Observation observation;
     observation.signature = shift_.content.groups[read].signature;
-    observation.z = Eigen::Vector2d(q.norm(), std::atan2(q.y(), q.x())) + bias_ +
+    observation.z = Eigen::Vector2d(range_scale_ * q.norm(), std::atan2(q.y(), q.x())) + bias_ +
                     Eigen::Vector2d(sensor.sd_range_m * Normal(), sensor.sd_bearing_rad * Normal());
     observation.z.x() = std::max(observation.z.x(), 0.05);
     scan->observations.push_back(observation);
@@ -293,6 +294,7 @@ class ShiftDraw {
   int change_sample_ = cause_sample_;  // When the world changes.
   double half_ = 1.0;                  // Side of the world / 2. [m]
   double misread_ = 0.0;
+  double range_scale_ = 1.0;
   Eigen::Vector2d bias_ = Eigen::Vector2d::Zero();
   std::vector<Eigen::Vector2d> truth_;                 // By group, before the change.
   std::vector<std::optional<Eigen::Vector2d>> after_;  // By group, after it.

@@ -83,6 +83,7 @@ MapContent DrawMap(const VisitScene& scene, Dice* dice) {
 // What is true of the vehicle for the whole visit.
 struct Truth {
   Eigen::Vector2d log_scale;
+  double range_scale = 1.0;
   Eigen::Vector2d bias;  // Of (range, bearing).
   std::vector<bool> occluded;
 };
@@ -110,7 +111,8 @@ void LookAt(
   if (in_view && dice->Coin(sensor.detection_probability)) {
     const double sigmas = dice->Coin(scene.outlier_share) ? kOutlierSigmas : 1.0;
     const Eigen::Vector2d sd(sensor.sd_range_m, sensor.sd_bearing_rad);
-    observation.z = expected + truth.bias + sigmas * sd.cwiseProduct(dice->Normal2());
+    observation.z = expected.cwiseProduct(Eigen::Vector2d(truth.range_scale, 1.0)) + truth.bias +
+                    sigmas * sd.cwiseProduct(dice->Normal2());
     if (observation.z.x() < 0.01) return;
   } else {
     const double area = sensor.max_range_m * sensor.max_range_m * sensor.max_bearing_rad;
@@ -134,6 +136,7 @@ SimulatedVisit SimulateVisit(const VisitScene& scene, std::uint64_t seed) {
   const Eigen::Vector2d sd_z(calibration.sensor.sd_range_m, calibration.sensor.sd_bearing_rad);
   Truth truth;
   truth.log_scale = calibration.odometry.sd_log_scale * dice.Normal2();
+  truth.range_scale = std::exp(KnownMapFilter::kSdLogRangeScale * dice.Normal());
   truth.bias = KnownMapFilter::kBiasShare * sd_z.cwiseProduct(dice.Normal2());
   for (const LandmarkGroup& group : visit.content.groups) {
     const int state = dice.Index(group.probabilities);

@@ -79,6 +79,36 @@ TEST(Localizer, StartsByItselfWhenMostLandmarksChangedTheirMode) {
   }
 }
 
+// A landmark that moved by little is near its mode, and every sighting of it says so again.
+TEST(Localizer, ALandmarkThatMovedByLittleIsNotTakenForUnmoved) {
+  const MapContent content = MakeTwoModeMap(15, 14.0, 21);
+  const std::vector<int> states(content.groups.size(), 1);
+  const MapSnapshot snapshot = Snapshot(content);
+  constexpr std::size_t kEvery = 4;
+  for (const double moved_m : {0.4, 0.5}) {
+    int decisions = 0;
+    int wrong = 0;
+    for (std::uint64_t seed = 1; seed <= 20; ++seed) {
+      std::vector<Eigen::Vector2d> truth = PositionsOf(content, states);
+      for (std::size_t i = seed % kEvery; i < truth.size(); i += kEvery) {
+        const double to = static_cast<double>(i + seed);  // [rad]
+        truth[i] += moved_m * Eigen::Vector2d(std::cos(to), std::sin(to));
+      }
+      SimulationOptions simulation;
+      simulation.seed = seed;
+      simulation.duration_s = 120.0;
+      const Outcome outcome = Localize(content, Simulate(content, truth, simulation), {});
+      for (const Decision& made : outcome.told) {
+        const auto group = static_cast<std::size_t>(snapshot.GroupIndex(made.signature));
+        ++decisions;
+        wrong += (made.mode == kAbsent) != (group % kEvery == seed % kEvery);
+      }
+    }
+    EXPECT_GT(decisions, 500) << moved_m;
+    EXPECT_LT(wrong, decisions / 20) << moved_m;
+  }
+}
+
 TEST(Localizer, RepeatsItselfBitByBit) {
   const MapContent content = MakeTwoModeMap(12, 12.0, 2);
   const std::vector<int> states(content.groups.size(), 2);

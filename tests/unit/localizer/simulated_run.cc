@@ -83,6 +83,10 @@ SimulatedRun Simulate(const MapContent& content,
   const Eigen::Vector2d bias =
       KnownMapFilter::kBiasShare * sd.cwiseProduct(Eigen::Vector2d(normal(random), normal(random)));
 
+  std::mt19937_64 random_scale(options.seed + 1000);
+  const double range_scale = std::exp(
+      std::normal_distribution<double>(0.0, KnownMapFilter::kSdLogRangeScale)(random_scale));
+
   SimulatedRun simulated;
   simulated.run.info.vehicle = "simulated";
   Se2 T_map_vehicle = options.T_map_start;
@@ -105,8 +109,8 @@ SimulatedRun Simulate(const MapContent& content,
         const bool misread = uniform(random) < options.clutter_share;
         const std::size_t read = misread ? (j + 1) % truth.size() : j;
         observation.signature = content.groups[read].signature;
-        observation.z =
-            expected + bias + sd.cwiseProduct(Eigen::Vector2d(normal(random), normal(random)));
+        observation.z = expected.cwiseProduct(Eigen::Vector2d(range_scale, 1.0)) + bias +
+                        sd.cwiseProduct(Eigen::Vector2d(normal(random), normal(random)));
         observation.z.x() = std::max(observation.z.x(), 0.05);
         scan.observations.push_back(observation);
       }

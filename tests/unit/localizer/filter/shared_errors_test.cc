@@ -38,6 +38,7 @@ SharedErrors::Observed DrawObserved(int mode_index, std::mt19937_64* random) {
   observed.mode_index = mode_index;
   observed.nu = 0.3 * Random(2, 1, random);
   observed.H_pose = Random(2, 3, random);
+  observed.H_range_scale = Random(2, 1, random);
   observed.H_bias = Random(2, 2, random);
   observed.H_mode = Random(2, 2, random);
   observed.cov_bias = Eigen::Vector2d(0.01, 0.02).asDiagonal();
@@ -47,7 +48,7 @@ SharedErrors::Observed DrawObserved(int mode_index, std::mt19937_64* random) {
 
 SharedErrors::StateMatrix StartCovariance() {
   SharedErrors::StateMatrix P = SharedErrors::StateMatrix::Identity() * 0.05;
-  P(0, 2) = P(2, 0) = 0.02;
+  P(0, 2) = P(2, 0) = P(1, 5) = P(5, 1) = 0.02;
   return P;
 }
 
@@ -59,11 +60,11 @@ constexpr double kPlaceVariance = 1e4;
 double LogLikelihoodOfAll(const std::vector<SharedErrors::Observed>& all,
                           const JointCovariance& covariance) {
   const auto n = static_cast<Eigen::Index>(2 * all.size());
-  const Eigen::Index errors = 5 + 2 + 2 * (kModes + 1);
+  const Eigen::Index errors = 6 + 2 + 2 * (kModes + 1);
   Eigen::MatrixXd prior = Eigen::MatrixXd::Zero(errors, errors);
-  prior.topLeftCorner<5, 5>() = StartCovariance();
-  prior.block<2, 2>(5, 5) = all.front().cov_bias;
-  prior.block<2 * kModes, 2 * kModes>(7, 7) = covariance.Dense();
+  prior.topLeftCorner<6, 6>() = StartCovariance();
+  prior.block<2, 2>(6, 6) = all.front().cov_bias;
+  prior.block<2 * kModes, 2 * kModes>(8, 8) = covariance.Dense();
   prior.bottomRightCorner<2, 2>() = kPlaceVariance * Eigen::Matrix2d::Identity();
   Eigen::MatrixXd H = Eigen::MatrixXd::Zero(n, errors);
   Eigen::MatrixXd noise = Eigen::MatrixXd::Zero(n, n);
@@ -71,9 +72,10 @@ double LogLikelihoodOfAll(const std::vector<SharedErrors::Observed>& all,
   for (Eigen::Index i = 0; i < n; i += 2) {
     const SharedErrors::Observed& observed = all[static_cast<std::size_t>(i / 2)];
     H.block<2, 3>(i, 0) = observed.H_pose;
-    H.block<2, 2>(i, 5) = observed.H_bias;
+    H.block<2, 1>(i, 5) = observed.H_range_scale;
+    H.block<2, 2>(i, 6) = observed.H_bias;
     const int mode = observed.mode_index < 0 ? kModes : observed.mode_index;
-    H.block<2, 2>(i, 7 + 2 * mode) = observed.H_mode;
+    H.block<2, 2>(i, 8 + 2 * mode) = observed.H_mode;
     noise.block<2, 2>(i, i) = observed.cov_noise;
     nu.segment<2>(i) = observed.nu;
   }
@@ -128,11 +130,11 @@ TEST(SharedErrors, ACorrectionOfTheFilterIsNoInformation) {
   EXPECT_TRUE(errors.Update(DrawObserved(0, &random), covariance));
   SharedErrors moved = errors;
   SharedErrors::StateVector correction;
-  correction << 0.1, -0.2, 0.05, 0.01, 0.02;
+  correction << 0.1, -0.2, 0.05, 0.01, 0.02, 0.03;
   moved.Move(SharedErrors::StateMatrix::Identity(), correction);
   SharedErrors::Observed observed = DrawObserved(1, &random);
   const double before = errors.LogLikelihood(observed, covariance);
-  observed.nu -= observed.H_pose * correction.head<3>();
+  observed.nu -= observed.H_pose * correction.head<3>() + observed.H_range_scale * correction(5);
   EXPECT_NEAR(moved.LogLikelihood(observed, covariance), before, 1e-12);
 }
 
