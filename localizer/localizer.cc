@@ -34,6 +34,13 @@ constexpr double kMaxExactSd = 0.3;
 // One of two poses is given up when it is less likely.
 constexpr double kGivenUp = 1e-3;
 
+// A start is questioned every few seconds; when its pose was kept, after as much of a way.
+constexpr Duration kReviewPeriod = std::chrono::seconds(2);
+constexpr Duration kReviewedPeriod = std::chrono::seconds(60);
+
+// Of the scans that question it.
+constexpr RecentScans::Spacing kWaySpacing{0.5, 0.1, 0.05};
+
 // Observations of signatures that the map does not know: per scan, and of all kinds in the scans
 // that wait for a start.
 constexpr std::size_t kMaxUnknown = 256;
@@ -92,6 +99,7 @@ Localizer::Localizer(MapSnapshot snapshot, const LocalizerOptions& options)
       limits_(options.limits.For(snapshot_.calibration().sensor)),
       odometry_(snapshot_.calibration().odometry),
       next_start_(options.initial_pose),
+      way_(kWaySpacing),
       health_(snapshot_.groups().size(), options.health),
       changes_(snapshot_.groups().size(), options.min_sightings),
       missed_(snapshot_),
@@ -297,6 +305,7 @@ void Localizer::TakeUsableObservations(const Scan& scan) {
 
 void Localizer::Step(const WindowScan& step) {
   recent_.Add(step);
+  way_.Add(step);
   bank_->Predict(step.motion.increment, step.motion.elapsed_s);
   const SensorCalibration& sensor = snapshot_.calibration().sensor;
   const bool had_no_place = HasNoPlace(bank_->best().filter.Pose(), sensor);
@@ -382,13 +391,26 @@ void Localizer::FindRival(Stamp stamp) {
                                    snapshot_,
                                    bank_->field_of_view(),
                                    options_.global_start);
-  if (!fault) return;
-  if (fault->rival) {
+  if (!fault) {
+    ReviewStart(stamp);
+  } else if (fault->rival) {
     Consider(*fault->rival, fault->since);
   } else {
     health_.DeclareLost(fault->since);
     odometry_trust_.Distrust();
   }
+}
+
+void Localizer::ReviewStart(Stamp stamp) {
+  if (stamp < next_review_) return;
+  next_review_ = stamp + kReviewPeriod;
+  const auto other = FindOtherStart({bank_->best().filter.Pose(), stamp, recent_, health_},
+                                    way_,
+                                    snapshot_,
+                                    options_.global_start);
+  if (!other) return;
+  Consider(*other, started_);
+  if (rival_) next_review_ = stamp + kReviewedPeriod;
 }
 
 void Localizer::Consider(const PoseWithCovariance& there, Stamp since) {
@@ -516,6 +538,7 @@ void Localizer::TryGlobalStart() {
     Consider(PoseAtEnd(*start, window), health_.failing_since());
   } else {
     StartAt(start->pose, start->scan);
+    health_.MarkStart();
   }
 }
 
@@ -544,6 +567,9 @@ void Localizer::StartAt(const PoseWithCovariance& pose, std::size_t first) {
   ++statistics_.starts;
   ForgetOutcomes();
   recent_.Clear();
+  way_.Clear();
+  started_ = stamp;
+  next_review_ = stamp + kReviewPeriod;
   const std::deque<WindowScan> replayed = std::exchange(window_, {});
   TakeBackEstimate(replayed.back().scan.stamp);
   for (std::size_t i = first; i < replayed.size(); ++i) {

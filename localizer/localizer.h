@@ -194,6 +194,7 @@ class Localizer {
   void FindRival(Stamp stamp);
   void Consider(const PoseWithCovariance& there, Stamp since);
   void JudgeRival();
+  void ReviewStart(Stamp stamp);
 
   MapSnapshot snapshot_;
   LocalizerOptions options_;
@@ -206,6 +207,9 @@ class Localizer {
   std::vector<const Observation*> by_signature_;  // Scratch.
   std::deque<WindowScan> window_;  // Scans kept for a start: INITIALIZING and LOST only.
   RecentScans recent_;
+  RecentScans way_;  // Since the start.
+  Stamp started_;
+  Stamp next_review_;  // Of the start.
   HealthMonitor health_;
   ChangeMonitor changes_;
   MissedPasses missed_;

@@ -107,6 +107,13 @@ MotionIncrement EulerStep(const Se2& T_map_vehicle,
   return step;
 }
 
+MotionIncrement Compose(const MotionIncrement& first, const MotionIncrement& second) {
+  const Eigen::Matrix3d to_end = second.T_begin_end.InverseAdjoint();
+  return {first.T_begin_end * second.T_begin_end,
+          Symmetrized(to_end * first.cov * to_end.transpose() + second.cov),
+          to_end * first.J_calibration + second.J_calibration};
+}
+
 // (T Exp(ξ))⁻¹ = T⁻¹ Exp(-Ad(T) ξ).
 MotionIncrement Inverse(const MotionIncrement& motion) {
   const Eigen::Matrix3d A = motion.T_begin_end.Adjoint();

@@ -36,6 +36,9 @@ MotionIncrement EulerStep(const Se2& T_map_vehicle,
                           double seconds,
                           const Eigen::Matrix3d& Q);
 
+/// One motion after the other.
+MotionIncrement Compose(const MotionIncrement& first, const MotionIncrement& second);
+
 /// The way back: from where the motion ended to where it began.
 MotionIncrement Inverse(const MotionIncrement& motion);
 

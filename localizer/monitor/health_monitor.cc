@@ -51,6 +51,7 @@ void HealthMonitor::Add(
   ++(explained ? all_.agreeing : all_.failing);
   last.stamp = stamp;
   last.explained = explained;
+  last.at_mode = nis.has_value();
   if (explained && !vague) last.agreed = stamp;
   Tally& tally = TallyAt(stamp);
   ++(explained ? tally.explained : tally.failed);
@@ -124,6 +125,19 @@ bool HealthMonitor::LandmarksMoved(Tallies::const_iterator begin) const {
     sum.pairs += it->pairs.pairs;
   }
   return sum.pairs >= options_.min_pairs && sum.as_in_map < options_.min_pair_share * sum.pairs;
+}
+
+void HealthMonitor::MarkStart() {
+  for (LastSeen& seen : last_) seen.of_start = seen.stamp != Stamp::min();
+}
+
+HealthMonitor::SinceStart HealthMonitor::CountSinceStart() const {
+  SinceStart count;
+  for (const LastSeen& seen : last_) {
+    if (seen.stamp == Stamp::min() || seen.of_start) continue;
+    ++(seen.at_mode ? count.at_modes : count.elsewhere);
+  }
+  return count;
 }
 
 PoseSupport HealthMonitor::Support(Stamp since, int except) const {

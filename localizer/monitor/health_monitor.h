@@ -107,12 +107,24 @@ class HealthMonitor {
   /// Begin of the failures that made the pose lost. What was concluded since is not to be trusted.
   Stamp failing_since() const { return failing_since_; }
 
+  /// The landmarks seen so far have made the pose, and so agree with it.
+  void MarkStart();
+
+  /// The others, by whether a mode explained their last observation.
+  struct SinceStart {
+    int at_modes = 0;
+    int elsewhere = 0;
+  };
+  SinceStart CountSinceStart() const;
+
   void Reset();
 
  private:
   struct LastSeen {
     Stamp stamp = Stamp::min();
     bool explained = false;
+    bool at_mode = false;
+    bool of_start = false;
     Stamp agreed = Stamp::min();  // When it was explained last.
   };
 

@@ -22,6 +22,10 @@ constexpr int kMinTurned = 2;
 // Seeing nothing counts where one would have failed to see the landmark with e⁻³. [nat]
 constexpr double kMissed = 3.0;
 
+// Landmarks that the present pose may miss more if it has been proven by others than those which
+// speak for another: a rack that turned is missed where it was before it is seen where it is.
+constexpr int kMissedMore = 2;
+
 // Landmarks that another pose must explain more: two fit some pose or other, always.
 constexpr int kMinGain = 3;
 
@@ -113,9 +117,26 @@ std::optional<PoseFault> FindWrongPose(const PresentPose& present,
     };
     // What had agreed fails now: the pose has gone wrong.
     if (support.turned >= kMinTurned) return PoseFault{since, std::nullopt};
-    if (missed_at(there) < missed_at(present.pose)) return PoseFault{since, there};
+    const bool proven = present.health.CountSinceStart().at_modes >= other->explained + kMinGain;
+    if (missed_at(there) + (proven ? kMissedMore : 0) < missed_at(present.pose)) {
+      return PoseFault{since, there};
+    }
   }
   return std::nullopt;
+}
+
+std::optional<PoseWithCovariance> FindOtherStart(const PresentPose& present,
+                                                 const RecentScans& way,
+                                                 const MapSnapshot& snapshot,
+                                                 const GlobalStartOptions& options) {
+  const HealthMonitor::SinceStart here = present.health.CountSinceStart();
+  if (here.elsewhere < here.at_modes + kMinGain) return std::nullopt;
+  const std::vector<WindowScan> window = way.Since(Stamp::min());
+  const auto other = FindGlobalStart(window, snapshot, options);
+  if (!other || other->explained < here.at_modes + kMinGain) return std::nullopt;
+  const PoseWithCovariance there = PoseAtEnd(*other, window);
+  if (!ClearlyApart(there, present.pose)) return std::nullopt;
+  return there;
 }
 
 }  // namespace shiftmap

@@ -52,4 +52,13 @@ std::optional<PoseFault> FindWrongPose(const PresentPose& present,
                                        const FieldOfView& field_of_view,
                                        const GlobalStartOptions& options);
 
+/// Another pose after a start that may have gone by landmarks which moved as one, as a rack does:
+/// it explains three landmarks more of the way since then than have ever been where this pose
+/// expects them. Windows as above forget the landmarks of the start, or see nothing but them.
+/// @param way  Since the start, up to the present scan.
+std::optional<PoseWithCovariance> FindOtherStart(const PresentPose& present,
+                                                 const RecentScans& way,
+                                                 const MapSnapshot& snapshot,
+                                                 const GlobalStartOptions& options);
+
 }  // namespace shiftmap

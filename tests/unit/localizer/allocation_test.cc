@@ -157,7 +157,7 @@ TEST_F(AllocationTest, SteadyStreamTakesNothing) {
     LocalizerOptions options = Options(max_delay_s);
     if (with_lidar) options.hypotheses.field_of_view.model = FieldOfViewModel::kScanPolygon;
     Localizer localizer(Snapshot(content), options);
-    const std::size_t warm = events.size() / 4;
+    const std::size_t warm = events.size() / 2;
     AllocationsOf(events, 0, warm, &localizer);
     const std::int64_t updates = localizer.Statistics().updates;
     const std::size_t records = localizer.Report().evidence.size() + localizer.decisions().size();

@@ -589,6 +589,68 @@ TEST(Localizer, AStartDoesNotFollowTheFirstLandmarkThatMoved) {
 }
 
 // Numbers as large as ValidateEvent() lets through, for one item.
+// Landmarks in reach of a vehicle at its start, of which six neighbours moved as one.
+struct MovedRack {
+  explicit MovedRack(std::uint64_t seed) : content(MakeTwoModeMap(30, 26.0, seed)) {
+    OdometryCalibration& odometry = content.calibration.odometry;
+    odometry.noise_v = odometry.noise_omega = 0.01;
+    odometry.sd_log_scale = 0.02;
+    std::vector<Eigen::Vector2d> truth =
+        PositionsOf(content, std::vector<int>(content.groups.size(), 1));
+    const Eigen::Vector2d middle(4.0, -9.0);
+    std::vector<Eigen::Vector2d*> rack;
+    for (Eigen::Vector2d& p : truth) rack.push_back(&p);
+    std::sort(rack.begin(), rack.end(), [&](const auto* a, const auto* b) {
+      return (*a - middle).norm() < (*b - middle).norm();
+    });
+    rack.resize(6);
+    const auto to = static_cast<double>(seed);  // [rad]
+    const Se2 moved(middle + 2.0 * Eigen::Vector2d(std::cos(to), std::sin(to)),
+                    seed % 3 == 0 ? 0.5 * M_PI : 0.1);
+    for (Eigen::Vector2d* const p : rack) *p = moved * (*p - middle);
+    SimulationOptions simulation;
+    simulation.seed = seed;
+    simulation.duration_s = 150.0;  // More than twice around.
+    simulation.v_mps = 1.0;
+    simulation.omega_radps = 0.1;
+    simulation.T_map_start = Se2(0.0, -10.0, 0.0);
+    simulated = Simulate(content, truth, simulation);
+  }
+
+  MapContent content;
+  SimulatedRun simulated;
+};
+
+// Where a rack is all that a vehicle sees, it starts where the rack puts it. The others say so, and
+// the rack does not take the pose again when it comes into view.
+TEST(Localizer, ARackThatMovedDoesNotKeepThePose) {
+  int poses = 0;
+  int wrong = 0;
+  for (std::uint64_t seed = 1; seed <= 60; ++seed) {
+    const MovedRack world(seed);
+    Localizer localizer(Snapshot(world.content), {});
+    std::size_t scans = 0;
+    for (const RunEvent& event : MergeEvents(world.simulated.run)) {
+      ASSERT_TRUE(localizer.Process(event).ok());
+      if (!std::holds_alternative<Scan>(event)) continue;
+      const Se2& truth = world.simulated.T_map_vehicle[scans++];
+      const auto estimate = localizer.Estimate();
+      constexpr std::size_t kHalfAround = 120;
+      if (!estimate || scans <= kHalfAround) continue;
+      ++poses;
+      if (localizer.state() == LocalizerState::kLost) continue;
+      const Se2& T_map_vehicle = estimate->pose.T_map_vehicle;
+      const Eigen::Vector2d error = T_map_vehicle.Rotation().transpose() *
+                                    (truth.translation() - T_map_vehicle.translation());
+      wrong +=
+          error.norm() > 0.7 &&
+          SquaredMahalanobis(error, estimate->pose.cov_T_map_vehicle.topLeftCorner<2, 2>()) > 16.0;
+    }
+  }
+  EXPECT_GT(poses, 25000);
+  EXPECT_LT(wrong, poses / 200);
+}
+
 TEST(Localizer, AbsurdNumbersDoNoLastingHarm) {
   const MapContent content = MakeTwoModeMap(15, 14.0, 21);
   const std::vector<int> states(content.groups.size(), 1);

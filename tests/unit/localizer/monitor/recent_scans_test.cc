@@ -22,5 +22,30 @@ TEST(RecentScans, KeepsTheLastSixtyFourInOrder) {
   EXPECT_TRUE(recent.Since(Stamp()).empty());
 }
 
+// Of a vehicle that drives and then stands, the way is kept and where it stands once.
+TEST(RecentScans, OfAWayAreApart) {
+  RecentScans way(RecentScans::Spacing{0.5, 0.1, 0.05});
+  Se2 whole;
+  for (int i = 0; i < 400; ++i) {
+    WindowScan step;
+    step.scan.stamp = StampFromSeconds(0.1 * i);
+    if (i > 0) step.motion.elapsed_s = 0.1;
+    if (i > 0 && i < 100) step.motion.increment.T_begin_end = Se2(0.03, 0.0, 0.01);
+    whole = whole * step.motion.increment.T_begin_end;
+    way.Add(step);
+  }
+  const std::vector<WindowScan> all = way.Since(Stamp::min());
+  EXPECT_EQ(all.size(), 22u);
+  EXPECT_EQ(all.back().scan.stamp, StampFromSeconds(39.9));
+  Se2 by_motions;
+  double elapsed_s = 0.0;
+  for (const WindowScan& scan : all) {
+    by_motions = by_motions * scan.motion.increment.T_begin_end;
+    elapsed_s += scan.motion.elapsed_s;
+  }
+  EXPECT_LT((whole.Inverse() * by_motions).Log().norm(), 1e-12);
+  EXPECT_NEAR(elapsed_s, 39.9, 1e-9);
+}
+
 }  // namespace
 }  // namespace shiftmap
