@@ -35,6 +35,21 @@ struct ErrorFunction {
   double prior_sd = 0.0;   // [m] or [rad]
 };
 
+// Where in the field of view an observation was made, as the solved graph has it. By what was
+// measured, an error would be a function of itself: noise of a bearing, times that noise, has a
+// mean.
+Observation Expected(const Graph& graph, const GraphObservation& item) {
+  const Se2& T_map_vehicle = graph.runs[item.run].poses[item.frame];
+  const Eigen::Vector2d q = T_map_vehicle.Inverse() * graph.modes[item.mode];
+  Observation expected;
+  expected.kind = item.observation.kind;
+  expected.z = q;
+  if (expected.kind == Observation::Kind::kRangeBearing) {
+    expected.z = {q.norm(), std::atan2(q.y(), q.x())};
+  }
+  return expected;
+}
+
 // Monomials that differ from those before by less than this part, squared, are left out.
 constexpr double kLeastPart = 1e-6;
 
@@ -52,7 +67,7 @@ std::vector<Monomials> OrthonormalOver(const Graph& graph,
   Eigen::Matrix<double, SensorDistortion::kMonomials, SensorDistortion::kMonomials> products =
       decltype(products)::Zero();
   for (const ObservationIndex i : observations) {
-    const Monomials m = SensorDistortion::MonomialsOf(graph.observations[i].observation);
+    const Monomials m = SensorDistortion::MonomialsOf(Expected(graph, graph.observations[i]));
     products += m * m.transpose() / static_cast<double>(observations.size());
   }
   std::vector<Monomials> functions;
@@ -115,9 +130,10 @@ class DistortedResiduals {
       const double squared =
           residual.ResidualAt(pose, pose.Rotation(), graph.modes[item.mode], run.sensor_bias)
               .squaredNorm();
+      const Observation expected = Expected(graph, item);
       by_polar_.push_back(std::sqrt(losses[item.run].Curvature(squared)) *
-                          residual.Whitened(SensorDistortion::DzDPolar(item.observation)));
-      monomials_.push_back(SensorDistortion::MonomialsOf(item.observation));
+                          residual.Whitened(SensorDistortion::DzDPolar(expected)));
+      monomials_.push_back(SensorDistortion::MonomialsOf(expected));
     }
     errors_.amplitudes = std::ssize(functions);
     for (const RunIndex r : graph.runs.indices()) {

@@ -31,6 +31,12 @@ Eigen::Vector2d ResidualOf(const Graph& graph, const GraphObservation& item) {
       .r;
 }
 
+// Wheels that stand hardly slip, by an assumption about which driving has nothing to say, nor they
+// about driving.
+bool Stands(const MotionIncrement& motion) {
+  return motion.T_begin_end.translation().isZero(0.0) && motion.T_begin_end.yaw() == 0.0;
+}
+
 // Adds the residuals of motions, and what the fit leaves of noise on them.
 void CountMotions(const Graph& graph,
                   const std::vector<GraphResiduals>& left,
@@ -40,6 +46,7 @@ void CountMotions(const Graph& graph,
     const GraphRun& run = graph.runs[r];
     ResidualStatistics& sums = (*statistics)[r];
     for (const FrameIndex i : run.motions.indices()) {
+      if (Stands(run.motions[i])) continue;
       const Eigen::Vector3d residual = ResidualOf(run, i);
       Eigen::Array3d redundancy = Eigen::Array3d::Zero();
       for (const GraphResiduals& of_draw : left) {

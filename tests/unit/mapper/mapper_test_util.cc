@@ -46,6 +46,14 @@ namespace {
 // The mode of each landmark in a run at a tick of it.
 using ModesAt = std::function<std::vector<ModeNumber>(int run, int tick)>;
 
+constexpr double kTick = 0.1;
+
+// Ticks at which a vehicle stands.
+struct Stand {
+  int first = 0;
+  int last = 0;
+};
+
 // Runs that each drive along `way` for a time, from the origin on, and round again.
 void AddRuns(const std::vector<Eigen::Vector2d>& way,
              int ticks,
@@ -53,8 +61,8 @@ void AddRuns(const std::vector<Eigen::Vector2d>& way,
              const OdometryCalibration& odometry,
              const ModesAt& modes_at,
              Random* random,
-             SimulatedWorld* world) {
-  constexpr double kTick = 0.1;
+             SimulatedWorld* world,
+             const Stand& stand = {}) {
   constexpr int kTicksPerScan = 2;
   const SensorCalibration sensor{
       .sd_range_m = 0.1, .sd_bearing_rad = 0.02, .detection_probability = 0.8};
@@ -71,14 +79,15 @@ void AddRuns(const std::vector<Eigen::Vector2d>& way,
       Eigen::Vector2d to = T_map_vehicle.Inverse() * way[next % way.size()];
       if (to.norm() < 1.0) to = T_map_vehicle.Inverse() * way[++next % way.size()];
       const double turn = std::atan2(to.y(), to.x());
-      const Velocity logged{1.5 * std::max(0.15, 1.0 - std::abs(turn)),
-                            std::clamp(turn, -0.8, 0.8)};
+      Velocity logged{1.5 * std::max(0.15, 1.0 - std::abs(turn)), std::clamp(turn, -0.8, 0.8)};
+      const bool stands = stand.first <= tick && tick < stand.last;
+      if (stands) logged = {};
       simulated.run.odometry.push_back({stamp, logged.v_mps, logged.omega_radps});
       if (tick % kTicksPerScan == 0) {
         simulated.run.scans.push_back(SenseLandmarks(
             world->groups, modes_at(r, tick), simulated.truth.back(), sensor, 0.0, {}, random));
       }
-      T_map_vehicle = T_map_vehicle * TrueMotion(logged, kTick, odometry, random);
+      if (!stands) T_map_vehicle = T_map_vehicle * TrueMotion(logged, kTick, odometry, random);
     }
   }
 }
@@ -143,6 +152,32 @@ SimulatedWorld LongLoop(std::uint64_t seed) {
       [&](int, int) { return std::vector<ModeNumber>(world.groups.size(), ModeNumber(1)); },
       &random,
       &world);
+  return world;
+}
+
+SimulatedWorld LongStand(std::uint64_t seed, double stand_s) {
+  constexpr double kSize = 20.0;
+  constexpr int kTicks = 3000;
+  Random random = MakeRandom(seed, 0);
+  const auto anywhere = [&] {
+    const double x = Uniform(0.0, kSize, &random);
+    return Eigen::Vector2d(x, Uniform(0.0, kSize, &random));
+  };
+  SimulatedWorld world;
+  for (int i = 0; i < 14; ++i) {
+    world.groups.push_back({Signature(fmt::format("{:02}", i)), {anywhere()}});
+  }
+  std::vector<Eigen::Vector2d> way;
+  for (int i = 0; i < 40; ++i) way.push_back(anywhere());
+  const int stands = static_cast<int>(stand_s / kTick);
+  AddRuns(way,
+          kTicks + stands,
+          1,
+          {.noise_v = 0.02, .noise_omega = 0.02},
+          [&](int, int) { return std::vector<ModeNumber>(world.groups.size(), ModeNumber(1)); },
+          &random,
+          &world,
+          {kTicks / 2, kTicks / 2 + stands});
   return world;
 }
 

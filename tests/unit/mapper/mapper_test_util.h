@@ -32,6 +32,10 @@ SimulatedWorld TwoHalls(std::uint64_t seed,
 /// few are seen again.
 SimulatedWorld LongLoop(std::uint64_t seed);
 
+/// A run of 300 s among 14 landmarks on 20 m, in the middle of which the vehicle stands for
+/// `stand_s` more.
+SimulatedWorld LongStand(std::uint64_t seed, double stand_s);
+
 /// A floor of 30 m with 16 landmarks that stand still and six that move by 0.8 m, and back, every
 /// 200 s. Each run takes 900 s.
 SimulatedWorld Doors(std::uint64_t seed, int runs);

@@ -102,6 +102,26 @@ TEST(MapSingleRun, AShiftOverManyLandmarksIsOneMap) {
   }
 }
 
+// A vehicle that stands says nothing of the noise of driving, however long, and what it sees again
+// and again makes no distortion of the sensor out of noise.
+TEST(MapSingleRun, ALongStandLeavesTheCalibrationAsItIs) {
+  testing::MapConsistency maps;
+  double noise_v = 0.0;
+  double noise_omega = 0.0;
+  constexpr int kWorlds = 4;
+  for (std::uint64_t seed = 1; seed <= kWorlds; ++seed) {
+    const SimulatedWorld world = testing::LongStand(seed, 1200.0);
+    const StatusOr<MapperResult> map = BuildMap(testing::Inputs(world), std::nullopt, {});
+    ASSERT_THAT(map, testing::IsOk()) << seed;
+    maps.Add(testing::MeasureConsistency(map->content, world));
+    noise_v += map->runs[0].odometry.noise_v / kWorlds;
+    noise_omega += map->runs[0].odometry.noise_omega / kWorlds;
+  }
+  EXPECT_NEAR(noise_v, 0.02, 0.004);
+  EXPECT_NEAR(noise_omega, 0.02, 0.002);
+  EXPECT_LT(maps.nees, ChiSquareQuantile(0.9995, maps.dof));
+}
+
 // Where the way is short, noise of odometry may explain it as well.
 TEST(MapSingleRun, AVehicleThatWasCarriedMakesNoSecondMap) {
   int broken = 0;
