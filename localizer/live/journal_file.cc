@@ -94,12 +94,14 @@ JournalFile::JournalFile(JournalFile&& other) noexcept
     : path_(std::move(other.path_)),
       fd_(std::exchange(other.fd_, -1)),
       unwritten_(std::move(other.unwritten_)),
+      ended_(other.ended_),
       syncing_(std::move(other.syncing_)) {}
 
 JournalFile& JournalFile::operator=(JournalFile&& other) noexcept {
   std::swap(path_, other.path_);
   std::swap(fd_, other.fd_);
   std::swap(unwritten_, other.unwritten_);
+  std::swap(ended_, other.ended_);
   std::swap(syncing_, other.syncing_);
   return *this;
 }
@@ -111,6 +113,8 @@ JournalFile::~JournalFile() {
 
 void JournalFile::Append(std::string_view record) {
   SHIFTMAP_CHECK(record.size() <= kMaxRecordBytes, "record of {} bytes", record.size());
+  ended_ = ended_ || unwritten_.size() + record.size() > kMaxUnwrittenBytes;
+  if (ended_) return;
   std::string length;
   AppendNumber(static_cast<std::uint32_t>(record.size()), &length);
   unwritten_ += length;
@@ -118,7 +122,7 @@ void JournalFile::Append(std::string_view record) {
   unwritten_ += record;
 }
 
-Status JournalFile::Write() {
+Status JournalFile::Flush() {
   std::string_view left = unwritten_;
   while (!left.empty()) {
     const ssize_t written = write(fd_, left.data(), left.size());
@@ -134,15 +138,30 @@ Status JournalFile::Write() {
   return OkStatus();
 }
 
+Status JournalFile::Whole() const {
+  if (!ended_) return OkStatus();
+  return About(
+      StatusCode::kUnavailable,
+      path_,
+      "it ends where the disk was full for more than {} MiB; after a crash the rest of the "
+      "shift is missing",
+      kMaxUnwrittenBytes >> 20);
+}
+
+Status JournalFile::Write() {
+  SHIFTMAP_RETURN_IF_ERROR(Flush());
+  return Whole();
+}
+
 Status JournalFile::Sync() {
-  SHIFTMAP_RETURN_IF_ERROR(Write());
+  SHIFTMAP_RETURN_IF_ERROR(Flush());
   const Status before = syncing_.valid() ? syncing_.get() : OkStatus();
   if (fdatasync(fd_) != 0) return ErrnoStatus(path_, "sync");
-  return before;
+  return before.ok() ? Whole() : before;
 }
 
 Status JournalFile::StartSync() {
-  SHIFTMAP_RETURN_IF_ERROR(Write());
+  SHIFTMAP_RETURN_IF_ERROR(Flush());
   Status before = OkStatus();
   if (syncing_.valid()) {
     if (syncing_.wait_for(std::chrono::seconds(0)) != std::future_status::ready) return OkStatus();

@@ -21,6 +21,9 @@ namespace shiftmap::live {
 /// survives the end of this process; Sync() makes it survive a power failure. StartSync() leaves
 /// the waiting for the disk to a thread of its own.
 ///
+/// Where the disk takes nothing, kMaxUnwrittenBytes are remembered. What comes later is not in the
+/// journal, for good: its records are those of a shift up to some time.
+///
 /// Errors: kUnavailable if the disk does not take it. Messages start with `journal 'PATH': `.
 class JournalFile {
  public:
@@ -37,6 +40,7 @@ class JournalFile {
   /// Precondition: at most kMaxRecordBytes.
   void Append(std::string_view record);
 
+  /// Errors also: that records are missing, each time from then on.
   Status Write();
   Status Sync();
 
@@ -46,13 +50,18 @@ class JournalFile {
   Status StartSync();
 
   static constexpr std::size_t kMaxRecordBytes = std::size_t{4} << 20;
+  static constexpr std::size_t kMaxUnwrittenBytes = std::size_t{64} << 20;
 
  private:
   JournalFile(std::string path, int fd) : path_(std::move(path)), fd_(fd) {}
 
+  Status Flush();
+  Status Whole() const;  // kUnavailable if records are missing.
+
   std::string path_;
   int fd_ = -1;
   std::string unwritten_;
+  bool ended_ = false;           // There was more than can be remembered.
   std::future<Status> syncing_;  // Invalid: nothing under way.
 };
 

@@ -2,7 +2,9 @@
 #include "localizer/live/journal_file.h"
 
 #include <gtest/gtest.h>
+#include <sys/resource.h>
 
+#include <csignal>
 #include <vector>
 
 #include "tests/support/status_matchers.h"
@@ -114,6 +116,29 @@ TEST_F(JournalFileTest, SyncsInTheBackgroundWhileItGrows) {
   }
   expected.emplace_back("last");
   EXPECT_EQ(Read(&end), expected);
+}
+
+TEST_F(JournalFileTest, ADiskThatStaysFullCostsWhatComesLaterAndNoMemory) {
+  auto journal = JournalFile::Resume(path_, ReadFile(path_).size());
+  ASSERT_THAT(journal, IsOk());
+  const auto former = std::signal(SIGXFSZ, SIG_IGN);
+  rlimit full{};
+  ASSERT_EQ(getrlimit(RLIMIT_FSIZE, &full), 0);
+  const rlimit limit{ReadFile(path_).size() + 1000, full.rlim_max};
+  ASSERT_EQ(setrlimit(RLIMIT_FSIZE, &limit), 0);
+  const std::string large(JournalFile::kMaxRecordBytes, 'x');
+  for (int i = 0; i < 40; ++i) journal->Append(large);
+  EXPECT_THAT(journal->Write(), StatusIs(StatusCode::kUnavailable, "cannot write"));
+  ASSERT_EQ(setrlimit(RLIMIT_FSIZE, &full), 0);
+  std::signal(SIGXFSZ, former);
+  EXPECT_THAT(journal->Write(), StatusIs(StatusCode::kUnavailable, "the rest of the shift"));
+  journal->Append("later");
+  EXPECT_THAT(journal->Sync(), StatusIs(StatusCode::kUnavailable, "the rest of the shift"));
+  JournalEnd end;
+  const std::vector<std::string> read = Read(&end);
+  ASSERT_EQ(read.size(), records_.size() + 15);
+  EXPECT_EQ(read.back(), large);
+  EXPECT_EQ(end.cut_bytes, 0u);
 }
 
 TEST_F(JournalFileTest, OtherFilesAreNoJournals) {
