@@ -14,6 +14,7 @@
 
 #include "localizer/live/codec/live_codec.h"
 #include "localizer/live/unix_socket.h"
+#include "mapstore/core/blocked_signals.h"
 
 namespace shiftmap::live {
 namespace {
@@ -25,10 +26,7 @@ constexpr std::chrono::milliseconds kLookForPlaceEvery(10);
 constexpr std::chrono::milliseconds kShareOfTurn(2);
 
 StatusOr<OwnedFd> TakeOverSignals() {
-  sigset_t stopping;
-  sigemptyset(&stopping);
-  sigaddset(&stopping, SIGTERM);
-  sigaddset(&stopping, SIGINT);
+  const sigset_t stopping = EndingSignals();
   sigprocmask(SIG_BLOCK, &stopping, nullptr);
   OwnedFd fd(signalfd(-1, &stopping, SFD_CLOEXEC | SFD_NONBLOCK));
   if (fd.get() < 0) return Unavailable("signals: cannot wait for them: {}", std::strerror(errno));

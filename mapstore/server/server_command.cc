@@ -6,8 +6,6 @@
 #include <algorithm>
 #include <atomic>
 #include <chrono>
-#include <csignal>
-#include <ctime>
 #include <iostream>
 #include <memory>
 #include <nlohmann/json.hpp>
@@ -17,6 +15,7 @@
 #include <utility>
 
 #include "mapstore/cli/input_options.h"
+#include "mapstore/core/blocked_signals.h"
 #include "mapstore/core/day.h"
 #include "mapstore/core/service_notifier.h"
 #include "mapstore/server/codec/map_service_codec.h"
@@ -101,32 +100,6 @@ StatusOr<MapServerOptions> ToOptions(const ServerArguments& arguments) {
   return options;
 }
 
-// SIGINT and SIGTERM end the server from its main thread; all others are started with them blocked.
-class StopSignals {
- public:
-  StopSignals() {
-    sigemptyset(&signals_);
-    sigaddset(&signals_, SIGINT);
-    sigaddset(&signals_, SIGTERM);
-    pthread_sigmask(SIG_BLOCK, &signals_, &before_);
-  }
-  ~StopSignals() { pthread_sigmask(SIG_SETMASK, &before_, nullptr); }
-  StopSignals(const StopSignals&) = delete;
-  StopSignals& operator=(const StopSignals&) = delete;
-
-  /// True once one came.
-  bool WaitFor(std::chrono::milliseconds time) const {
-    const auto seconds = std::chrono::floor<std::chrono::seconds>(time);
-    const std::chrono::nanoseconds rest = time - seconds;
-    const timespec limit = {seconds.count(), rest.count()};
-    return sigtimedwait(&signals_, nullptr, &limit) > 0;
-  }
-
- private:
-  sigset_t signals_ = {};
-  sigset_t before_ = {};
-};
-
 // gRPC's own log, e.g. of handshakes that failed, has no user data.
 std::atomic<JsonLog*> grpc_log = nullptr;
 
@@ -155,7 +128,7 @@ class GrpcLogging {
 
 Status RunServer(const ServerArguments& arguments, Context& context) {
   SHIFTMAP_ASSIGN_OR_RETURN(const MapServerOptions options, ToOptions(arguments));
-  const StopSignals signals;
+  const BlockedSignals signals;
   JsonLog log(&std::cerr,
               context.quiet() ? JsonLog::Level::kError : JsonLog::LevelOf(context.log_level()));
   const GrpcLogging grpc_logging(&log);

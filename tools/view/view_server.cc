@@ -14,12 +14,12 @@
 #include <cerrno>
 #include <charconv>
 #include <chrono>
-#include <csignal>
 #include <cstring>
 #include <optional>
 #include <string_view>
 #include <utility>
 
+#include "mapstore/core/blocked_signals.h"
 #include "tools/view/page_template.h"
 
 namespace shiftmap {
@@ -128,14 +128,6 @@ bool IsOwnHost(const std::string& host_header) {
 struct ViewServer::State {
   ~State() {
     if (daemon != nullptr) MHD_stop_daemon(daemon);
-    if (signals_kept) pthread_sigmask(SIG_SETMASK, &signals_before, nullptr);
-  }
-
-  void KeepSignals() {
-    sigemptyset(&signals);
-    sigaddset(&signals, SIGINT);
-    sigaddset(&signals, SIGTERM);
-    signals_kept = pthread_sigmask(SIG_BLOCK, &signals, &signals_before) == 0;
   }
 
   // The one of a moment ago, or another.
@@ -147,14 +139,12 @@ struct ViewServer::State {
     return page;
   }
 
+  BlockedSignals signals;
   ListenAddress address;
   PageMaker make_page;
   std::shared_ptr<const std::string> page;
   Clock::time_point page_made;
   MHD_Daemon* daemon = nullptr;
-  sigset_t signals = {};
-  sigset_t signals_before = {};
-  bool signals_kept = false;
 };
 
 namespace {
@@ -245,7 +235,6 @@ StatusOr<ViewServer> ViewServer::Start(const ListenAddress& address, PageMaker m
   auto state = std::make_unique<State>();
   state->address = address;
   state->make_page = std::move(make_page);
-  state->KeepSignals();
   unsigned flags = MHD_USE_INTERNAL_POLLING_THREAD | MHD_USE_AUTO;
   if (where->storage.ss_family == AF_INET6) flags |= MHD_USE_IPv6;
   state->daemon = MHD_start_daemon(flags,
@@ -278,10 +267,6 @@ ViewServer::~ViewServer() = default;
 
 const ListenAddress& ViewServer::address() const { return state_->address; }
 
-void ViewServer::WaitForSignal() {
-  int signal = 0;
-  while (sigwait(&state_->signals, &signal) != 0) {
-  }
-}
+void ViewServer::WaitForSignal() { state_->signals.Wait(); }
 
 }  // namespace shiftmap

@@ -2,7 +2,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <csignal>
+#include <chrono>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <string>
@@ -10,6 +10,7 @@
 #include "localizer/transfer/cli/transfer_bodies.h"
 #include "localizer/transfer/download_worker.h"
 #include "localizer/transfer/sync_service.h"
+#include "mapstore/core/blocked_signals.h"
 #include "mapstore/core/count_text.h"
 #include "mapstore/core/folder.h"
 #include "mapstore/core/inert_text.h"
@@ -17,22 +18,6 @@
 
 namespace shiftmap::transfer {
 namespace {
-
-// To be blocked before the first thread is made, which then has them blocked too.
-sigset_t BlockStopSignals() {
-  sigset_t stopping;
-  sigemptyset(&stopping);
-  sigaddset(&stopping, SIGTERM);
-  sigaddset(&stopping, SIGINT);
-  pthread_sigmask(SIG_BLOCK, &stopping, nullptr);
-  return stopping;
-}
-
-// True if a signal to stop came within a second.
-bool StopCame(const sigset_t& stopping) {
-  const timespec second{.tv_sec = 1, .tv_nsec = 0};
-  return sigtimedwait(&stopping, nullptr, &second) > 0;
-}
 
 SyncOptions SyncOptionsOf(const SyncArguments& arguments, const Context& context) {
   SyncOptions options;
@@ -151,7 +136,7 @@ Status RunSync(const SyncArguments& arguments, Context& context) {
   StandBack();
   if (arguments.once) return Once(arguments, options, &outbox, &context);
 
-  const sigset_t stopping = BlockStopSignals();
+  const BlockedSignals signals;  // Before the first thread is made.
   Workers workers;
   if (!arguments.server.server.empty()) workers.Start(HandInWorker(&outbox, options));
   if (arguments.map_source == "vda5050") {
@@ -161,7 +146,7 @@ Status RunSync(const SyncArguments& arguments, Context& context) {
     workers.Start(MapWorker(MapSupplyOptionsOf(arguments, context), options));
   }
   notifier.Ready();
-  while (!StopCame(stopping)) {
+  while (!signals.WaitFor(std::chrono::seconds(1))) {
     if (workers.Alive()) notifier.Alive();
   }
   notifier.Stopping();
