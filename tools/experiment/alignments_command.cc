@@ -182,15 +182,9 @@ Status RunAlignments(const Arguments& arguments, Context& context) {
   AddBySurvivors(all, &parts);
   const ResultTable decisions = DecisionTable(parts);
   const ResultTable bins = CalibrationTable(parts);
-  SHIFTMAP_RETURN_IF_ERROR(output.WriteTable(decisions));
-  SHIFTMAP_RETURN_IF_ERROR(calibration.WriteTable(bins));
   const Json options{
       {"seed", arguments.seed}, {"pairs", arguments.pairs}, {"worlds", arguments.worlds}};
-  SHIFTMAP_RETURN_IF_ERROR(calibration.WriteDocument(options, bins).status());
-  SHIFTMAP_ASSIGN_OR_RETURN(Json document, output.WriteDocument(options, decisions));
-  for (const std::string& file : calibration.files()) document["files"].push_back(file);
-  context.Report(document, decisions.ToText() + "\n" + bins.ToText());
-  return OkStatus();
+  return output.ReportBoth(options, decisions, bins, &calibration, &context);
 }
 
 }  // namespace

@@ -155,14 +155,8 @@ Status RunExperiment(const Arguments& arguments, Context& context) {
   const ResultTable exceptions = MakeExceptions(result);
   const Json settings = {
       {"seed", options.seed}, {"sites", options.sites}, {"kinds", options.kinds}};
-  SHIFTMAP_RETURN_IF_ERROR(output.WriteTable(table));
-  SHIFTMAP_RETURN_IF_ERROR(exceptions_output.WriteTable(exceptions));
   SHIFTMAP_RETURN_IF_ERROR(output.WriteFigure("errors", ErrorChart(result)));
-  SHIFTMAP_RETURN_IF_ERROR(exceptions_output.WriteDocument(settings, exceptions).status());
-  SHIFTMAP_ASSIGN_OR_RETURN(Json document, output.WriteDocument(settings, table));
-  for (const std::string& file : exceptions_output.files()) document["files"].push_back(file);
-  context.Report(document, table.ToText() + "\n" + exceptions.ToText());
-  return OkStatus();
+  return output.ReportBoth(settings, table, exceptions, &exceptions_output, &context);
 }
 
 }  // namespace

@@ -76,6 +76,27 @@ StatusOr<Json> ExperimentOutput::WriteDocument(const Json& options, const Result
   return document;
 }
 
+Status ExperimentOutput::Report(const Json& options, const ResultTable& table, Context* context) {
+  SHIFTMAP_RETURN_IF_ERROR(WriteTable(table));
+  SHIFTMAP_ASSIGN_OR_RETURN(const Json document, WriteDocument(options, table));
+  context->Report(document, table.ToText());
+  return OkStatus();
+}
+
+Status ExperimentOutput::ReportBoth(const Json& options,
+                                    const ResultTable& table,
+                                    const ResultTable& second,
+                                    ExperimentOutput* of_second,
+                                    Context* context) {
+  SHIFTMAP_RETURN_IF_ERROR(WriteTable(table));
+  SHIFTMAP_RETURN_IF_ERROR(of_second->WriteTable(second));
+  SHIFTMAP_RETURN_IF_ERROR(of_second->WriteDocument(options, second).status());
+  SHIFTMAP_ASSIGN_OR_RETURN(Json document, WriteDocument(options, table));
+  for (const std::string& file : of_second->files()) document["files"].push_back(file);
+  context->Report(document, table.ToText() + "\n" + second.ToText());
+  return OkStatus();
+}
+
 Status ExperimentOutput::Write(const std::string& file, const std::string& text) {
   const std::string path = directory_ + "/" + file;
   files_.push_back(path);

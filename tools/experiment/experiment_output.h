@@ -38,6 +38,16 @@ class ExperimentOutput {
   /// Returns the document with the list of all files so far under "files", for the standard output.
   StatusOr<Json> WriteDocument(const Json& options, const ResultTable& table);
 
+  /// Writes a table and its document, and reports them on the standard output.
+  Status Report(const Json& options, const ResultTable& table, Context* context);
+
+  /// The same for this and a second table, of another output: both are reported as one.
+  Status ReportBoth(const Json& options,
+                    const ResultTable& table,
+                    const ResultTable& second,
+                    ExperimentOutput* of_second,
+                    Context* context);
+
   const std::vector<std::string>& files() const { return files_; }
 
  private:

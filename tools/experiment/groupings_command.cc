@@ -121,18 +121,15 @@ Status RunGroupings(const SiteArguments& arguments, Context& context) {
       AddRow(options.seed, grouping.name, result.nights.back(), difference, &table);
     }
   }
-  SHIFTMAP_RETURN_IF_ERROR(output.WriteTable(table));
-  SHIFTMAP_ASSIGN_OR_RETURN(const Json document,
-                            output.WriteDocument({{"seed", arguments.nights.seed},
-                                                  {"worlds", arguments.worlds},
-                                                  {"nights", options.nights},
-                                                  {"vehicles", options.vehicles},
-                                                  {"groups", options.groups},
-                                                  {"size_m", options.size_m},
-                                                  {"duration_s", options.duration_s}},
-                                                 table));
-  context.Report(document, table.ToText());
-  return OkStatus();
+  return output.Report({{"seed", arguments.nights.seed},
+                        {"worlds", arguments.worlds},
+                        {"nights", options.nights},
+                        {"vehicles", options.vehicles},
+                        {"groups", options.groups},
+                        {"size_m", options.size_m},
+                        {"duration_s", options.duration_s}},
+                       table,
+                       &context);
 }
 
 }  // namespace

@@ -126,12 +126,8 @@ Status Run(const Arguments& arguments, Context& context) {
                               progress->Update("realizations", done);
                             }));
   const ResultTable table = MakeTable(rows);
-  SHIFTMAP_RETURN_IF_ERROR(output.WriteTable(table));
   SHIFTMAP_RETURN_IF_ERROR(WriteFigures(arguments.options, rows, &output));
-  SHIFTMAP_ASSIGN_OR_RETURN(const Json document,
-                            output.WriteDocument(OptionsJson(arguments.options), table));
-  context.Report(document, table.ToText());
-  return OkStatus();
+  return output.Report(OptionsJson(arguments.options), table, &context);
 }
 
 }  // namespace

@@ -178,10 +178,7 @@ Status ExplainLayouts(const Arguments& arguments, Context& context) {
       }
     }
   }
-  SHIFTMAP_RETURN_IF_ERROR(output.WriteTable(table));
-  SHIFTMAP_ASSIGN_OR_RETURN(const Json document, output.WriteDocument(Json::object(), table));
-  context.Report(document, table.ToText());
-  return OkStatus();
+  return output.Report(Json::object(), table, &context);
 }
 
 }  // namespace

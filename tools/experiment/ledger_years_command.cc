@@ -110,20 +110,17 @@ Status Run(const Arguments& arguments, Context& context) {
               &table);
     }
   }
-  SHIFTMAP_RETURN_IF_ERROR(output.WriteTable(table));
   const LedgerYearsOptions& options = arguments.options;
-  SHIFTMAP_ASSIGN_OR_RETURN(const Json document,
-                            output.WriteDocument({{"seed", options.seed},
-                                                  {"groups", options.groups},
-                                                  {"years", options.years},
-                                                  {"vehicles", options.vehicles},
-                                                  {"visits_per_day", options.visits_per_day},
-                                                  {"stay_days", options.stay_days},
-                                                  {"keep_days", options.keep_days},
-                                                  {"build_days", options.build_days}},
-                                                 table));
-  context.Report(document, table.ToText());
-  return OkStatus();
+  return output.Report({{"seed", options.seed},
+                        {"groups", options.groups},
+                        {"years", options.years},
+                        {"vehicles", options.vehicles},
+                        {"visits_per_day", options.visits_per_day},
+                        {"stay_days", options.stay_days},
+                        {"keep_days", options.keep_days},
+                        {"build_days", options.build_days}},
+                       table,
+                       &context);
 }
 
 }  // namespace

@@ -43,7 +43,6 @@ Status Measure(const Arguments& arguments, Context& context) {
     SeriesNamed(result.points, &chart)
         .points.emplace_back(0.5 * (result.min_distance_m + result.max_distance_m), result.Share());
   }
-  SHIFTMAP_RETURN_IF_ERROR(output.WriteTable(table));
   SHIFTMAP_RETURN_IF_ERROR(output.WriteFigure("share", chart));
   const RepeatabilityOptions& options = arguments.options;
   const Json settings{{"scans", log.scans.size()},
@@ -53,9 +52,7 @@ Status Measure(const Arguments& arguments, Context& context) {
                       {"found_within_m", options.found_within_m},
                       {"min_overlap", options.min_overlap},
                       {"seed", options.seed}};
-  SHIFTMAP_ASSIGN_OR_RETURN(const Json document, output.WriteDocument(settings, table));
-  context.Report(document, table.ToText());
-  return OkStatus();
+  return output.Report(settings, table, &context);
 }
 
 }  // namespace

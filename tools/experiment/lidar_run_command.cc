@@ -177,7 +177,6 @@ Status Measure(const Arguments& arguments, Context& context) {
       SHIFTMAP_RETURN_IF_ERROR(AddRow(drive, result, arguments.front_end, &table));
     }
   }
-  SHIFTMAP_RETURN_IF_ERROR(output.WriteTable(table));
   const AssociationOptions& association = arguments.mapper.association;
   const Json settings{{"min_response", arguments.front_end.points.min_response},
                       {"max_point_range_m", arguments.front_end.max_point_range_m},
@@ -187,9 +186,7 @@ Status Measure(const Arguments& arguments, Context& context) {
                       {"noise_v", arguments.mapper.calibration.odometry.noise_v},
                       {"noise_omega", arguments.mapper.calibration.odometry.noise_omega},
                       {"runs", arguments.runs}};
-  SHIFTMAP_ASSIGN_OR_RETURN(const Json document, output.WriteDocument(settings, table));
-  context.Report(document, table.ToText());
-  return OkStatus();
+  return output.Report(settings, table, &context);
 }
 
 }  // namespace

@@ -122,7 +122,6 @@ Status Measure(const Arguments& arguments, Context& context) {
                            static_cast<std::int64_t>(rows.size())));
   }
   AddRow("all bodies", std::numeric_limits<double>::quiet_NaN(), bodies, &table);
-  SHIFTMAP_RETURN_IF_ERROR(output.WriteTable(table));
   SHIFTMAP_RETURN_IF_ERROR(
       output.WritePage("Recorded robots among landmarks that moved together", table));
   SHIFTMAP_RETURN_IF_ERROR(output.WriteFigure("sure", chart));
@@ -133,9 +132,7 @@ Status Measure(const Arguments& arguments, Context& context) {
                               {"sd_start_rad", options.sd_start_rad},
                               {"sd_survey_m", options.sd_survey_m},
                               {"settled_after_s", options.settled_after_s}};
-  SHIFTMAP_ASSIGN_OR_RETURN(const Json document, output.WriteDocument(document_options, table));
-  context.Report(document, table.ToText());
-  return OkStatus();
+  return output.Report(document_options, table, &context);
 }
 
 }  // namespace

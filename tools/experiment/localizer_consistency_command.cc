@@ -45,7 +45,6 @@ Status Measure(const Arguments& arguments, Context& context) {
     progress->Update("runs",
                      static_cast<double>(table.rows().size()) / static_cast<double>(sds.size()));
   }
-  SHIFTMAP_RETURN_IF_ERROR(output.WriteTable(table));
   SHIFTMAP_RETURN_IF_ERROR(output.WritePage("Consistency of the pose on an uncertain map", table));
   const Chart chart{.title = "Consistency of the pose on an uncertain map",
                     .x_label = "standard deviation of the map [m]",
@@ -55,9 +54,7 @@ Status Measure(const Arguments& arguments, Context& context) {
   SHIFTMAP_RETURN_IF_ERROR(output.WriteFigure("nees", chart));
   const Json options{
       {"runs", arguments.runs}, {"seed", arguments.seed}, {"correlation", arguments.correlation}};
-  SHIFTMAP_ASSIGN_OR_RETURN(const Json document, output.WriteDocument(options, table));
-  context.Report(document, table.ToText());
-  return OkStatus();
+  return output.Report(options, table, &context);
 }
 
 }  // namespace

@@ -160,7 +160,6 @@ Status Measure(const Arguments& arguments, Context& context) {
     }
   }
   const ResultTable table = MakeTable(rows);
-  SHIFTMAP_RETURN_IF_ERROR(output.WriteTable(table));
   SHIFTMAP_RETURN_IF_ERROR(
       output.WritePage("Wrong decisions and their delay over simulated visits", table));
   // Blind drives begin at one pose.
@@ -176,9 +175,7 @@ Status Measure(const Arguments& arguments, Context& context) {
                      {"blind", arguments.blind},
                      {"slip_share", arguments.slip_share},
                      {"alone_scans", arguments.alone_scans}};
-  SHIFTMAP_ASSIGN_OR_RETURN(const Json document, output.WriteDocument(options, table));
-  context.Report(document, table.ToText());
-  return OkStatus();
+  return output.Report(options, table, &context);
 }
 
 }  // namespace

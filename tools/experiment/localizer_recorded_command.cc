@@ -170,14 +170,11 @@ Status Measure(const Arguments& arguments, Context& context) {
     progress->Update("runs", static_cast<double>(i) / static_cast<double>(kUtiasRobots.size()));
     SHIFTMAP_RETURN_IF_ERROR(AddDataset(arguments.data, kUtiasRobots[i], &table));
   }
-  SHIFTMAP_RETURN_IF_ERROR(output.WriteTable(table));
   SHIFTMAP_RETURN_IF_ERROR(output.WritePage(
       "Recorded robots, each on the map of each other one of its data set, and the second part of "
       "each run on the map that has its first part too",
       table));
-  SHIFTMAP_ASSIGN_OR_RETURN(const Json document, output.WriteDocument(Json::object(), table));
-  context.Report(document, table.ToText());
-  return OkStatus();
+  return output.Report(Json::object(), table, &context);
 }
 
 }  // namespace

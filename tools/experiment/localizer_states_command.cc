@@ -93,14 +93,10 @@ Status RunLocalizerStates(const Arguments& arguments, Context& context) {
         TallyCause(cause, arguments.seed, arguments.shifts, arguments.threads, LocalizerOptions()));
   }
   const ResultTable table = MakeTable(tallies);
-  SHIFTMAP_RETURN_IF_ERROR(output.WriteTable(table));
   SHIFTMAP_RETURN_IF_ERROR(
       output.WritePage("Shifts by what the localizer reported, the worst after the cause", table));
   SHIFTMAP_RETURN_IF_ERROR(output.WritePicture("matrix", DrawMatrix(tallies)));
-  SHIFTMAP_ASSIGN_OR_RETURN(const Json document,
-                            output.WriteDocument(OptionsJson(arguments), table));
-  context.Report(document, table.ToText());
-  return OkStatus();
+  return output.Report(OptionsJson(arguments), table, &context);
 }
 
 }  // namespace

@@ -80,7 +80,6 @@ Status Measure(const Arguments& arguments, Context& context) {
     }
     progress->Update("runs", (layout + 1.0) / static_cast<double>(kDatasets.size()));
   }
-  SHIFTMAP_RETURN_IF_ERROR(output.WriteTable(table));
   SHIFTMAP_RETURN_IF_ERROR(
       output.WritePage("Recorded robots with the wrong layout believed", table));
   SHIFTMAP_RETURN_IF_ERROR(output.WriteFigure("rmse", chart));
@@ -93,9 +92,7 @@ Status Measure(const Arguments& arguments, Context& context) {
                      {"sd_start_rad", shift.sd_start_rad},
                      {"sd_survey_m", shift.sd_survey_m},
                      {"settled_after_s", shift.settled_after_s}};
-  SHIFTMAP_ASSIGN_OR_RETURN(const Json document, output.WriteDocument(options, table));
-  context.Report(document, table.ToText());
-  return OkStatus();
+  return output.Report(options, table, &context);
 }
 
 }  // namespace

@@ -119,14 +119,11 @@ Status Measure(const Arguments& arguments, Context& context) {
                   errors[i]->rms_m,
                   errors[i]->nees / errors[i]->dof});
   }
-  SHIFTMAP_RETURN_IF_ERROR(output.WriteTable(table));
   const Json options{{"duration_s", arguments.duration_s},
                      {"worlds", arguments.worlds},
                      {"world_duration_s", arguments.world_duration_s},
                      {"seed", arguments.seed}};
-  SHIFTMAP_ASSIGN_OR_RETURN(const Json document, output.WriteDocument(options, table));
-  context.Report(document, table.ToText());
-  return OkStatus();
+  return output.Report(options, table, &context);
 }
 
 }  // namespace

@@ -162,8 +162,6 @@ Status RunNights(const SiteArguments& arguments, Context& context) {
   }
   const ResultTable nights = NightTable(all);
   const ResultTable removed = RemovalTable(all);
-  SHIFTMAP_RETURN_IF_ERROR(output.WriteTable(nights));
-  SHIFTMAP_RETURN_IF_ERROR(removals.WriteTable(removed));
   SHIFTMAP_RETURN_IF_ERROR(WriteFigures(arms, all, &output));
   const Json options{{"seed", arguments.nights.seed},
                      {"worlds", arguments.worlds},
@@ -174,11 +172,7 @@ Status RunNights(const SiteArguments& arguments, Context& context) {
                      {"duration_s", arguments.nights.duration_s},
                      {"layout_days", arguments.nights.layout_days},
                      {"layout_share", arguments.nights.layout_share}};
-  SHIFTMAP_RETURN_IF_ERROR(removals.WriteDocument(options, removed).status());
-  SHIFTMAP_ASSIGN_OR_RETURN(Json document, output.WriteDocument(options, nights));
-  for (const std::string& file : removals.files()) document["files"].push_back(file);
-  context.Report(document, nights.ToText() + "\n" + removed.ToText());
-  return OkStatus();
+  return output.ReportBoth(options, nights, removed, &removals, &context);
 }
 
 }  // namespace

@@ -176,13 +176,10 @@ Status Run(const Arguments& arguments, Context& context) {
   }
 
   const ResultTable table = MakeTable(rows);
-  SHIFTMAP_RETURN_IF_ERROR(output.WriteTable(table));
   SHIFTMAP_RETURN_IF_ERROR(WriteFigures(rows, records, options, &output));
   SHIFTMAP_ASSIGN_OR_RETURN(const Chart rhythm, RhythmChart(door, options));
   SHIFTMAP_RETURN_IF_ERROR(output.WriteFigure("door-rhythm", rhythm));
-  SHIFTMAP_ASSIGN_OR_RETURN(const Json document, output.WriteDocument(OptionsJson(options), table));
-  context.Report(document, table.ToText());
-  return OkStatus();
+  return output.Report(OptionsJson(options), table, &context);
 }
 
 }  // namespace

@@ -82,7 +82,6 @@ Status Run(const Arguments& arguments, Context& context) {
                               progress->Update("sites", done);
                             }));
   const ResultTable table = MakeTable(rows);
-  SHIFTMAP_RETURN_IF_ERROR(output.WriteTable(table));
   Chart chart{.title = "Processor time of a build per key frame",
               .x_label = "key frames",
               .y_label = "time per key frame [µs]",
@@ -92,17 +91,15 @@ Status Run(const Arguments& arguments, Context& context) {
     chart.series.front().points.emplace_back(row.key_frames, row.us_per_frame);
   }
   SHIFTMAP_RETURN_IF_ERROR(output.WriteFigure("time", chart));
-  SHIFTMAP_ASSIGN_OR_RETURN(const Json document,
-                            output.WriteDocument({{"seed", options.seed},
-                                                  {"scans_per_run", options.scans_per_run},
-                                                  {"scans_per_group", options.scans_per_group},
-                                                  {"max_groups", options.max_groups},
-                                                  {"misread_per_scan", options.misread_per_scan},
-                                                  {"odometry_noise", options.odometry_noise},
-                                                  {"threads", options.threads}},
-                                                 table));
-  context.Report(document, table.ToText());
-  return OkStatus();
+  return output.Report({{"seed", options.seed},
+                        {"scans_per_run", options.scans_per_run},
+                        {"scans_per_group", options.scans_per_group},
+                        {"max_groups", options.max_groups},
+                        {"misread_per_scan", options.misread_per_scan},
+                        {"odometry_noise", options.odometry_noise},
+                        {"threads", options.threads}},
+                       table,
+                       &context);
 }
 
 }  // namespace

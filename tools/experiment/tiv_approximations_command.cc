@@ -178,14 +178,10 @@ Status RunTivApproximationsExperiment(const Arguments& arguments, Context& conte
   const ResultTable panels =
       MakePanelTable(FindTivFigureMoments(scene, ungated, gated), ungated, gated);
   const ResultTable table = MakeTable(rows);
-  SHIFTMAP_RETURN_IF_ERROR(output.WriteTable(table));
   SHIFTMAP_RETURN_IF_ERROR(over_time.WriteTable(MakeTimeTable(rows)));
   SHIFTMAP_RETURN_IF_ERROR(output.WritePicture("figure-3", DrawTivFigure(scene, ungated, gated)));
   SHIFTMAP_RETURN_IF_ERROR(WriteTimeFigures(rows, &output));
-  SHIFTMAP_ASSIGN_OR_RETURN(const Json document,
-                            output.WriteDocument(OptionsJson(arguments.options, panels), table));
-  context.Report(document, table.ToText());
-  return OkStatus();
+  return output.Report(OptionsJson(arguments.options, panels), table, &context);
 }
 
 }  // namespace

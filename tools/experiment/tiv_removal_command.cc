@@ -103,12 +103,8 @@ Status Measure(const TivArguments& arguments, Context& context) {
       SeriesNamed(method.name, &chart).points.emplace_back(kShares[s], rmse);
     }
   }
-  SHIFTMAP_RETURN_IF_ERROR(output.WriteTable(table));
   SHIFTMAP_RETURN_IF_ERROR(output.WriteFigure("rmse", chart));
-  SHIFTMAP_ASSIGN_OR_RETURN(const Json document,
-                            output.WriteDocument(arguments.OptionsJson(), table));
-  context.Report(document, table.ToText());
-  return OkStatus();
+  return output.Report(arguments.OptionsJson(), table, &context);
 }
 
 }  // namespace

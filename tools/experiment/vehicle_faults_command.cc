@@ -118,19 +118,16 @@ Status RunVehicleFaults(const SiteArguments& arguments, Context& context) {
       ++done;
     }
   }
-  SHIFTMAP_RETURN_IF_ERROR(output.WriteTable(table));
-  SHIFTMAP_ASSIGN_OR_RETURN(const Json document,
-                            output.WriteDocument({{"seed", arguments.nights.seed},
-                                                  {"worlds", arguments.worlds},
-                                                  {"vehicles", options.vehicles},
-                                                  {"groups", options.groups},
-                                                  {"size_m", options.size_m},
-                                                  {"duration_s", options.duration_s},
-                                                  {"fault_night", options.fault_night},
-                                                  {"fault_nights", options.fault_nights}},
-                                                 table));
-  context.Report(document, table.ToText());
-  return OkStatus();
+  return output.Report({{"seed", arguments.nights.seed},
+                        {"worlds", arguments.worlds},
+                        {"vehicles", options.vehicles},
+                        {"groups", options.groups},
+                        {"size_m", options.size_m},
+                        {"duration_s", options.duration_s},
+                        {"fault_night", options.fault_night},
+                        {"fault_nights", options.fault_nights}},
+                       table,
+                       &context);
 }
 
 }  // namespace

@@ -94,13 +94,10 @@ Status Measure(const Arguments& arguments, Context& context) {
       SHIFTMAP_RETURN_IF_ERROR(output.WriteFigure("map", DrawPark(result, score, fixes)));
     }
   }
-  SHIFTMAP_RETURN_IF_ERROR(output.WriteTable(table));
   const Json settings{{"every", cases},
                       {"sd_range_m", arguments.data.sd_range_m},
                       {"sd_bearing_rad", arguments.data.sd_bearing_rad}};
-  SHIFTMAP_ASSIGN_OR_RETURN(const Json document, output.WriteDocument(settings, table));
-  context.Report(document, table.ToText());
-  return OkStatus();
+  return output.Report(settings, table, &context);
 }
 
 }  // namespace
