@@ -61,7 +61,8 @@ void ExpectSameMap(const MapperResult& schur, const MapperResult& ceres) {
   }
   ASSERT_EQ(schur.runs.size(), ceres.runs.size());
   for (std::size_t r = 0; r < schur.runs.size(); ++r) {
-    EXPECT_NEAR(ceres.runs[r].chi2 / schur.runs[r].chi2, 1.0, 0.01);
+    // By the noise that each found, to a part in twenty.
+    EXPECT_NEAR(ceres.runs[r].chi2 / schur.runs[r].chi2, 1.0, 0.02);
   }
   EXPECT_EQ(schur.rejected.size(), ceres.rejected.size());
 }
