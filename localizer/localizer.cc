@@ -34,7 +34,7 @@ constexpr double kMaxExactSd = 0.3;
 // One of two poses is given up when it is less likely.
 constexpr double kGivenUp = 1e-3;
 
-// A start is questioned every few seconds; when its pose was kept, after as much of a way.
+// A start is questioned every few seconds, and again a minute after another pose was considered.
 constexpr Duration kReviewPeriod = std::chrono::seconds(2);
 constexpr Duration kReviewedPeriod = std::chrono::seconds(60);
 
@@ -305,6 +305,8 @@ void Localizer::TakeUsableObservations(const Scan& scan) {
 
 void Localizer::Step(const WindowScan& step) {
   recent_.Add(step);
+  // Nothing tells how scans before a silence of odometry lie to those after it.
+  if (step.motion.silent_s > 0.0 || !odometry_trust_.trusted()) way_.Clear();
   way_.Add(step);
   bank_->Predict(step.motion.increment, step.motion.elapsed_s);
   const SensorCalibration& sensor = snapshot_.calibration().sensor;
@@ -401,11 +403,18 @@ void Localizer::FindRival(Stamp stamp) {
   }
 }
 
+void Localizer::BeginWay(Stamp stamp) {
+  way_.Clear();
+  started_ = stamp;
+  next_review_ = stamp + kReviewPeriod;
+}
+
 void Localizer::ReviewStart(Stamp stamp) {
   if (stamp < next_review_) return;
   next_review_ = stamp + kReviewPeriod;
   const auto other = FindOtherStart({bank_->best().filter.Pose(), stamp, recent_, health_},
                                     way_,
+                                    started_,
                                     snapshot_,
                                     options_.global_start);
   if (!other) return;
@@ -428,6 +437,7 @@ void Localizer::JudgeRival() {
     ++statistics_.starts;
     DistrustPose(rival_->since);
     ForgetOutcomes();
+    BeginWay(scan_stamp_);
   }
   rival_.reset();
 }
@@ -501,17 +511,20 @@ void Localizer::JudgeDecisions(const BankEvents& events, Stamp stamp) {
 }
 
 SightingCollector::PlaceState Localizer::Collect(const Observation& observation, Stamp stamp) {
-  const PoseWithCovariance pose = bank_->best().filter.Pose();
-  const Eigen::Vector2d q = observation.PositionInVehicle();
+  const KnownMapFilter& filter = bank_->best().filter;
+  const PoseWithCovariance pose = filter.Pose();
+  const KnownMapFilter::Measurement measurement = filter.WithoutScale(KnownMapFilter::Measure(
+      observation, ObservationNoise(observation, snapshot_.calibration().sensor)));
+  const Eigen::Vector2d& q = measurement.q;
+  constexpr int kScale = KnownMapFilter::kRangeScale;
   Eigen::Matrix<double, 2, 3> dq_dxi;
   dq_dxi << 1.0, 0.0, -q.y(), 0.0, 1.0, q.x();
   const Eigen::Matrix2d R = pose.T_map_vehicle.Rotation();
-  const Eigen::Matrix2d cov_vehicle =
-      PositionNoiseInVehicle(observation,
-                             ObservationNoise(observation, snapshot_.calibration().sensor)) +
-      dq_dxi * pose.cov_T_map_vehicle * dq_dxi.transpose();
+  const Eigen::Matrix2d cov_vehicle = measurement.cov_noise +
+                                      dq_dxi * pose.cov_T_map_vehicle * dq_dxi.transpose() +
+                                      filter.covariance()(kScale, kScale) * q * q.transpose();
   return sightings_.Add(observation.signature,
-                        LandmarkPosition(observation, pose.T_map_vehicle),
+                        pose.T_map_vehicle * q,
                         Symmetrized(R * cov_vehicle * R.transpose()),
                         bank_->T_odom_vehicle().translation(),
                         stamp);
@@ -567,9 +580,7 @@ void Localizer::StartAt(const PoseWithCovariance& pose, std::size_t first) {
   ++statistics_.starts;
   ForgetOutcomes();
   recent_.Clear();
-  way_.Clear();
-  started_ = stamp;
-  next_review_ = stamp + kReviewPeriod;
+  BeginWay(stamp);
   const std::deque<WindowScan> replayed = std::exchange(window_, {});
   TakeBackEstimate(replayed.back().scan.stamp);
   for (std::size_t i = first; i < replayed.size(); ++i) {

@@ -194,6 +194,7 @@ class Localizer {
   void FindRival(Stamp stamp);
   void Consider(const PoseWithCovariance& there, Stamp since);
   void JudgeRival();
+  void BeginWay(Stamp stamp);
   void ReviewStart(Stamp stamp);
 
   MapSnapshot snapshot_;
@@ -207,7 +208,7 @@ class Localizer {
   std::vector<const Observation*> by_signature_;  // Scratch.
   std::deque<WindowScan> window_;  // Scans kept for a start: INITIALIZING and LOST only.
   RecentScans recent_;
-  RecentScans way_;  // Since the start.
+  RecentScans way_;  // Of the last half minute and more, since the start at most.
   Stamp started_;
   Stamp next_review_;  // Of the start.
   HealthMonitor health_;

@@ -15,7 +15,8 @@
 namespace shiftmap {
 namespace {
 
-// Wheels wear and loads shift: the log-scales may wander by this much per √s.
+// Wheels wear and loads shift, and the field of view has errors of its own: log-scales may wander
+// by this much per √s.
 constexpr double kLogScaleWalk = 5e-4;
 
 // A mode that is known less exactly than this share of its distance is not where dq/dz is taken.
@@ -213,6 +214,10 @@ void KnownMapFilter::Predict(const MotionIncrement& increment, double elapsed_s)
   StateMatrix Q = StateMatrix::Zero();
   Q.topLeftCorner<3, 3>() = increment.cov;
   Q.diagonal().tail<3>().setConstant(kLogScaleWalk * kLogScaleWalk * elapsed_s);
+  // A sensor that has seen nothing for hours measures as it did.
+  if (P_(kRangeScale, kRangeScale) > kSdLogRangeScale * kSdLogRangeScale) {
+    Q(kRangeScale, kRangeScale) = 0.0;
+  }
   P_ = Symmetrized(StateMatrix(F * P_ * F.transpose() + Q));
   shared_errors_.Predict(F, Q, elapsed_s);
   range_bearing_bias_.cross = F * range_bearing_bias_.cross;

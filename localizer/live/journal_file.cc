@@ -134,6 +134,8 @@ Status JournalFile::Flush() {
     }
     left.remove_prefix(static_cast<std::size_t>(written));
   }
+  constexpr std::size_t kKept = std::size_t{1} << 20;
+  if (unwritten_.capacity() > kKept) unwritten_ = std::string();
   unwritten_.clear();
   return OkStatus();
 }
@@ -143,8 +145,8 @@ Status JournalFile::Whole() const {
   return About(
       StatusCode::kUnavailable,
       path_,
-      "it ends where the disk was full for more than {} MiB; after a crash the rest of the "
-      "shift is missing",
+      "it ends where the disk was full for {} MiB; the rest of the shift is missing there, and "
+      "in the run log that is made of it",
       kMaxUnwrittenBytes >> 20);
 }
 

@@ -268,7 +268,8 @@ void Service::CheckLogs(const Status& status) {
 void Service::CheckJournal(const Status& status) {
   if (status.ok()) return;
   dropped_.Add("journal_error");
-  if (!std::exchange(journal_warned_, true)) options_.warn(Message(status));
+  if (std::exchange(journal_warning_, Message(status)) == Message(status)) return;
+  options_.warn(journal_warning_);
 }
 
 void Service::WriteJournal() {

@@ -250,7 +250,7 @@ class Service {
   std::int64_t clock_jumps_ = 0;
   bool start_chosen_ = false;
   bool resumed_ = false;
-  bool journal_warned_ = false;
+  std::string journal_warning_;  // The last of this shift.
   bool implausible_warned_ = false;
   DropCounts dropped_;
   std::int64_t overruns_ = 0;

@@ -128,14 +128,14 @@ bool HealthMonitor::LandmarksMoved(Tallies::const_iterator begin) const {
 }
 
 void HealthMonitor::MarkStart() {
-  for (LastSeen& seen : last_) seen.of_start = seen.stamp != Stamp::min();
+  for (LastSeen& seen : last_) seen.of_start = seen.at_mode;
 }
 
-HealthMonitor::SinceStart HealthMonitor::CountSinceStart() const {
-  SinceStart count;
+HealthMonitor::AtModes HealthMonitor::CountAtModes(Stamp since) const {
+  AtModes count;
   for (const LastSeen& seen : last_) {
-    if (seen.stamp == Stamp::min() || seen.of_start) continue;
-    ++(seen.at_mode ? count.at_modes : count.elsewhere);
+    if (seen.stamp == Stamp::min() || seen.stamp < since) continue;
+    ++(!seen.at_mode ? count.no : seen.of_start ? count.of_start : count.yes);
   }
   return count;
 }

@@ -107,15 +107,16 @@ class HealthMonitor {
   /// Begin of the failures that made the pose lost. What was concluded since is not to be trusted.
   Stamp failing_since() const { return failing_since_; }
 
-  /// The landmarks seen so far have made the pose, and so agree with it.
+  /// The landmarks that agree so far have made the pose.
   void MarkStart();
 
-  /// The others, by whether a mode explained their last observation.
-  struct SinceStart {
-    int at_modes = 0;
-    int elsewhere = 0;
+  /// Landmarks by whether a mode explained their last observation, which was made since a time.
+  struct AtModes {
+    int yes = 0;
+    int of_start = 0;  ///< They have made the pose.
+    int no = 0;
   };
-  SinceStart CountSinceStart() const;
+  AtModes CountAtModes(Stamp since) const;
 
   void Reset();
 

@@ -27,6 +27,11 @@ class RecentScans {
   void Add(const WindowScan& scan);
   void Clear() { size_ = 0; }
 
+  /// Of the oldest.
+  std::optional<Stamp> Begin() const {
+    return size_ == 0 ? std::nullopt : std::optional(OfAge(size_ - 1).scan.stamp);
+  }
+
   /// Those from `since` on, oldest first.
   std::vector<WindowScan> Since(Stamp since) const;
 

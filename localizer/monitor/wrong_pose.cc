@@ -2,6 +2,7 @@
 #include "localizer/monitor/wrong_pose.h"
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <limits>
 #include <map>
@@ -22,9 +23,9 @@ constexpr int kMinTurned = 2;
 // Seeing nothing counts where one would have failed to see the landmark with e⁻³. [nat]
 constexpr double kMissed = 3.0;
 
-// Landmarks that the present pose may miss more if it has been proven by others than those which
-// speak for another: a rack that turned is missed where it was before it is seen where it is.
+// Landmarks that the present pose may miss more if it has been proven lately.
 constexpr int kMissedMore = 2;
+constexpr Duration kLately = std::chrono::seconds(30);
 
 // Landmarks that another pose must explain more: two fit some pose or other, always.
 constexpr int kMinGain = 3;
@@ -117,7 +118,8 @@ std::optional<PoseFault> FindWrongPose(const PresentPose& present,
     };
     // What had agreed fails now: the pose has gone wrong.
     if (support.turned >= kMinTurned) return PoseFault{since, std::nullopt};
-    const bool proven = present.health.CountSinceStart().at_modes >= other->explained + kMinGain;
+    const int proof = present.health.CountAtModes(present.stamp - kLately).yes;
+    const bool proven = proof >= other->explained + kMinGain;
     if (missed_at(there) + (proven ? kMissedMore : 0) < missed_at(present.pose)) {
       return PoseFault{since, there};
     }
@@ -127,13 +129,17 @@ std::optional<PoseFault> FindWrongPose(const PresentPose& present,
 
 std::optional<PoseWithCovariance> FindOtherStart(const PresentPose& present,
                                                  const RecentScans& way,
+                                                 Stamp started,
                                                  const MapSnapshot& snapshot,
                                                  const GlobalStartOptions& options) {
-  const HealthMonitor::SinceStart here = present.health.CountSinceStart();
-  if (here.elsewhere < here.at_modes + kMinGain) return std::nullopt;
-  const std::vector<WindowScan> window = way.Since(Stamp::min());
+  const std::optional<Stamp> begin = way.Begin();
+  if (!begin) return std::nullopt;
+  const HealthMonitor::AtModes at_modes = present.health.CountAtModes(*begin);
+  const int here = at_modes.yes + (*begin > started ? at_modes.of_start : 0);
+  if (at_modes.no < here + kMinGain) return std::nullopt;
+  const std::vector<WindowScan> window = way.Since(*begin);
   const auto other = FindGlobalStart(window, snapshot, options);
-  if (!other || other->explained < here.at_modes + kMinGain) return std::nullopt;
+  if (!other || other->explained < here + kMinGain) return std::nullopt;
   const PoseWithCovariance there = PoseAtEnd(*other, window);
   if (!ClearlyApart(there, present.pose)) return std::nullopt;
   return there;

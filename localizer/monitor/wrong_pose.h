@@ -41,7 +41,9 @@ struct PoseFault {
 ///
 /// Several that moved as one, as a rack does, are also explained by one motion. So if landmarks
 /// that agreed before have not turned, what is missed decides: one who is elsewhere misses what
-/// should be here, and not what should be there.
+/// should be here, and not what should be there. A rack that turned is missed where it stood before
+/// it is seen where it stands. So against a pose that more landmarks have agreed with in the last
+/// half minute than speak for another, three have to be missed.
 ///
 /// Windows of 3, 1.5 and 0.75 s are asked: the longer tell more, the shorter do without what was
 /// seen before the pose went wrong, and without odometry that may be what is wrong.
@@ -53,11 +55,14 @@ std::optional<PoseFault> FindWrongPose(const PresentPose& present,
                                        const GlobalStartOptions& options);
 
 /// Another pose after a start that may have gone by landmarks which moved as one, as a rack does:
-/// it explains three landmarks more of the way since then than have ever been where this pose
-/// expects them. Windows as above forget the landmarks of the start, or see nothing but them.
-/// @param way  Since the start, up to the present scan.
+/// it explains three landmarks more of the way than the present pose does, not counting those that
+/// have made the start as long as the way has them. Windows as above forget the landmarks of a
+/// start, or see nothing but them.
+/// @param way      Up to the present scan.
+/// @param started  With the present pose.
 std::optional<PoseWithCovariance> FindOtherStart(const PresentPose& present,
                                                  const RecentScans& way,
+                                                 Stamp started,
                                                  const MapSnapshot& snapshot,
                                                  const GlobalStartOptions& options);
 

@@ -17,7 +17,12 @@ BlockedSignals::BlockedSignals() : signals_(EndingSignals()) {
   pthread_sigmask(SIG_BLOCK, &signals_, &before_);
 }
 
-BlockedSignals::~BlockedSignals() { pthread_sigmask(SIG_SETMASK, &before_, nullptr); }
+BlockedSignals::~BlockedSignals() {
+  // Another one that came while all was ended would kill what is left of the process.
+  while (WaitFor(std::chrono::milliseconds(0))) {
+  }
+  pthread_sigmask(SIG_SETMASK, &before_, nullptr);
+}
 
 void BlockedSignals::Wait() const {
   int signal = 0;

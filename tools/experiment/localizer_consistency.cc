@@ -113,6 +113,7 @@ RunErrors Drive(const ConsistencyScene& scene, std::uint64_t seed) {
   const std::vector<Eigen::Vector2d> landmarks = DrawLandmarks(scene, map, &dice);
   const Eigen::Vector2d sd_z(sensor.sd_range_m, sensor.sd_bearing_rad);
   const Eigen::Vector2d bias = KnownMapFilter::kBiasShare * sd_z.cwiseProduct(dice.Normal2());
+  // Drawn apart, so that the rest of a world is the same whatever its scale.
   const double range_scale = std::exp(KnownMapFilter::kSdLogRangeScale * Dice(~seed).Normal());
   const Eigen::Vector2d log_scale = calibration.odometry.sd_log_scale * dice.Normal2();
 

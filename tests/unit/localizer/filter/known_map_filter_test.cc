@@ -68,7 +68,8 @@ class DenseFilter {
     F.block<3, 2>(0, 3) = J;
     P_ = F * P_ * F.transpose();
     P_.topLeftCorner<3, 3>() += increment.cov;
-    for (int i = 3; i < 6; ++i) P_(i, i) += 2.5e-7 * elapsed_s;
+    const bool vague = P_(5, 5) > std::pow(KnownMapFilter::kSdLogRangeScale, 2);
+    for (int i = 3; i < (vague ? 5 : 6); ++i) P_(i, i) += 2.5e-7 * elapsed_s;
     if (schmidt_) return;
     // Where it is estimated, the bias drifts.
     const double keep = std::exp(-elapsed_s / 60.0);
@@ -252,8 +253,8 @@ TEST(KnownMapFilter, ASightingByAVaguePoseWeighsAsTheIntegralOverPoses) {
   }
 }
 
-// What a position, a bias and a scale get wrong is in all sightings from where a vehicle stands: the
-// next one is expected at the mean of those before, as exactly as if they were known.
+// What a position, a bias and a scale get wrong is in all sightings from where a vehicle stands:
+// the next one is expected at the mean of those before, as exactly as if they were known.
 TEST(KnownMapFilter, AnUnknownPlaceSharesTheErrorsOfThePose) {
   const MapContent content = CorrelatedMap(0.1, 0.05);
   const MapSnapshot map("area", VersionNumber(1), "hash", content);
