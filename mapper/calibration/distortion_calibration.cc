@@ -36,18 +36,27 @@ struct ErrorFunction {
 };
 
 // Where in the field of view an observation was made, as the solved graph has it. By what was
-// measured, an error would be a function of itself: noise of a bearing, times that noise, has a
-// mean.
+// measured, an error would be a function of itself: noise, times that noise, has a mean.
 Observation Expected(const Graph& graph, const GraphObservation& item) {
-  const Se2& T_map_vehicle = graph.runs[item.run].poses[item.frame];
-  const Eigen::Vector2d q = T_map_vehicle.Inverse() * graph.modes[item.mode];
-  Observation expected;
-  expected.kind = item.observation.kind;
-  expected.z = q;
-  if (expected.kind == Observation::Kind::kRangeBearing) {
-    expected.z = {q.norm(), std::atan2(q.y(), q.x())};
-  }
+  const GraphRun& run = graph.runs[item.run];
+  Observation expected = item.observation;
+  expected.z -= LinearizeBiased(item.observation,
+                                run.poses[item.frame],
+                                graph.modes[item.mode],
+                                run.sensor_bias,
+                                item.mean_squared_bearing)
+                    .nu;
   return expected;
+}
+
+// An outlier may be expected anywhere.
+bool IsOutlier(const Graph& graph, const GraphObservation& item) {
+  static const double gate = ChiSquareQuantile(kInlierProbability, 2);
+  const GraphRun& run = graph.runs[item.run];
+  const Se2& pose = run.poses[item.frame];
+  return ObservationResidual(item)
+             .ResidualAt(pose, pose.Rotation(), graph.modes[item.mode], run.sensor_bias)
+             .squaredNorm() > gate;
 }
 
 // Monomials that differ from those before by less than this part, squared, are left out.
@@ -67,6 +76,7 @@ std::vector<Monomials> OrthonormalOver(const Graph& graph,
   Eigen::Matrix<double, SensorDistortion::kMonomials, SensorDistortion::kMonomials> products =
       decltype(products)::Zero();
   for (const ObservationIndex i : observations) {
+    if (IsOutlier(graph, graph.observations[i])) continue;
     const Monomials m = SensorDistortion::MonomialsOf(Expected(graph, graph.observations[i]));
     products += m * m.transpose() / static_cast<double>(observations.size());
   }

@@ -43,6 +43,10 @@ void AddMotionSquares(const BuildRun& run, MotionSquares* squares) {
     T_first_odometry = T_first_odometry * MotionFrom(run.motions, i - 1, run.odometry).T_begin_end;
     const double seconds = ToSeconds(frames[i].stamp - frames[first].stamp);
     if (seconds < kNoiseSpanSeconds) continue;
+    if (T_first_odometry.translation().isZero(0.0) && T_first_odometry.yaw() == 0.0) {
+      first = i;  // It stood, which says nothing of driving.
+      continue;
+    }
     const Se2 T_first_i = run.poses[first].Inverse() * run.poses[i];
     const Eigen::Vector3d error = (T_first_odometry.Inverse() * T_first_i).Log();
     squares->x.push_back(error.x() * error.x() / seconds);

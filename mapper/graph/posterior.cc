@@ -31,8 +31,8 @@ Eigen::Vector2d ResidualOf(const Graph& graph, const GraphObservation& item) {
       .r;
 }
 
-// Wheels that stand hardly slip, by an assumption about which driving has nothing to say, nor they
-// about driving.
+// The noise of a vehicle that stands is a share of the noise of driving by assumption: what it does
+// not slip says nothing of the latter.
 bool Stands(const MotionIncrement& motion) {
   return motion.T_begin_end.translation().isZero(0.0) && motion.T_begin_end.yaw() == 0.0;
 }
