@@ -222,8 +222,7 @@ void Localizer::ProcessScan(const Scan& scan) {
     return;
   }
   if (searching) {
-    // Nothing tells how scans before a silence of odometry lie to those after it.
-    if (step_.motion.silent_s > 0.0 || !odometry_trust_.trusted()) window_.clear();
+    if (BreaksReckoning(step_.motion)) window_.clear();
     window_.push_back(step_);
   } else {
     // Just lost: what failed tells where the vehicle is.
@@ -305,8 +304,7 @@ void Localizer::TakeUsableObservations(const Scan& scan) {
 
 void Localizer::Step(const WindowScan& step) {
   recent_.Add(step);
-  // Nothing tells how scans before a silence of odometry lie to those after it.
-  if (step.motion.silent_s > 0.0 || !odometry_trust_.trusted()) way_.Clear();
+  if (BreaksReckoning(step.motion)) way_.Clear();
   way_.Add(step);
   bank_->Predict(step.motion.increment, step.motion.elapsed_s);
   const SensorCalibration& sensor = snapshot_.calibration().sensor;
@@ -403,6 +401,10 @@ void Localizer::FindRival(Stamp stamp) {
   }
 }
 
+bool Localizer::BreaksReckoning(const OdometryBuffer::Motion& motion) const {
+  return motion.silent_s > 0.0 || !odometry_trust_.trusted();
+}
+
 void Localizer::BeginWay(Stamp stamp) {
   way_.Clear();
   started_ = stamp;
@@ -412,8 +414,7 @@ void Localizer::BeginWay(Stamp stamp) {
 void Localizer::ReviewStart(Stamp stamp) {
   if (stamp < next_review_) return;
   next_review_ = stamp + kReviewPeriod;
-  const auto other = FindOtherStart({bank_->best().filter.Pose(), stamp, recent_, health_},
-                                    way_,
+  const auto other = FindOtherStart({bank_->best().filter.Pose(), stamp, way_, health_},
                                     started_,
                                     snapshot_,
                                     options_.global_start);

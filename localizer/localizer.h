@@ -194,6 +194,8 @@ class Localizer {
   void FindRival(Stamp stamp);
   void Consider(const PoseWithCovariance& there, Stamp since);
   void JudgeRival();
+  // Dead reckoning does not connect the scan at the end of a motion with those before it.
+  bool BreaksReckoning(const OdometryBuffer::Motion& motion) const;
   void BeginWay(Stamp stamp);
   void ReviewStart(Stamp stamp);
 

@@ -52,8 +52,7 @@ const Mode& ModeOf(const MapSnapshot& snapshot, ModeRef mode) {
 // pose.
 constexpr double kMaxSecondOrder = 0.1;
 
-// H X for the Jacobian H of an observed position by the state. What H has beside its zeros and ones
-// is spelled out.
+// H X for the Jacobian H of an observed position by the state. Skips the zeros and ones of H.
 Eigen::Matrix2d TimesJacobian(const KnownMapFilter::Point& point,
                               const KnownMapFilter::StateByPoint& X) {
   Eigen::Matrix2d product = point.H_range_scale * X.row(KnownMapFilter::kRangeScale);
@@ -78,7 +77,7 @@ void MovePose(const Eigen::Matrix3d& A_pose, Columns* X) {
   }
 }
 
-// P Hᵀ, as above.
+// P Hᵀ for the same H.
 KnownMapFilter::StateByPoint CovarianceWithState(const KnownMapFilter::StateMatrix& P,
                                                  const KnownMapFilter::Point& point) {
   KnownMapFilter::StateByPoint product =

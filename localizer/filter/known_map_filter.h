@@ -37,15 +37,16 @@ struct ModeRef {
 /// nothing but the range of kUnknownPositionSd: see IsNowhere(). So a pose is always finite.
 ///
 /// Ownership: keeps no reference to the snapshot; every call must pass the same one.
-/// Threads: const-safe. Without heap allocations; a copy copies 6 kB and what is in use of 11 kB.
+/// Threads: const-safe. Without heap allocations; a copy takes 6 kB, and up to 11 kB more for modes
+/// and places in use.
 class KnownMapFilter {
  public:
   /// x, y, yaw, log scale_v, log scale_omega, log range scale.
   static constexpr int kStates = SharedErrors::kStates;
   static constexpr int kRangeScale = SharedErrors::kRangeScale;
-  using StateMatrix = Eigen::Matrix<double, kStates, kStates>;
-  using StateVector = Eigen::Matrix<double, kStates, 1>;
-  using StateByPoint = Eigen::Matrix<double, kStates, 2>;
+  using StateMatrix = SharedErrors::StateMatrix;
+  using StateVector = SharedErrors::StateVector;
+  using StateByPoint = SharedErrors::StateByPoint;
 
   /// Modes kept as considered at most; beyond it the one that matters least is let go.
   static constexpr int kMaxConsideredModes = 64;
@@ -53,9 +54,8 @@ class KnownMapFilter {
   /// Standard deviation of the sensor's bias over that of its noise.
   static constexpr double kBiasShare = 0.7;
 
-  /// Of the log range scale at the start: how much sensors of one kind differ. A map says so of its
-  /// noise too, for what of a scale looks like noise; without that in it, NIS is nearer to what is
-  /// expected, and recorded robots decide wrongly.
+  /// Standard deviation of the log range scale at the start: sensors of one kind differ by it. The
+  /// sensor noise of a map contains the same spread (DECISIONS.md). [-]
   static constexpr double kSdLogRangeScale = 0.02;
 
   /// Beyond these variances lose the digits that tell landmarks apart. [m], [rad]
@@ -99,7 +99,7 @@ class KnownMapFilter {
   /// @param cov_z  Of the observation, in its own units.
   static Measurement Measure(const Observation& observation, const Eigen::Matrix2d& cov_z);
 
-  /// The measurement of a sensor whose range scale is 1, by what is known of this one's.
+  /// Divides a measurement by the estimated range scale.
   Measurement WithoutScale(const Measurement& measurement) const;
 
   /// An observation against a mode, both as positions in the vehicle frame.

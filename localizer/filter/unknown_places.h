@@ -4,6 +4,7 @@
 #include <Eigen/Core>
 #include <boost/container/static_vector.hpp>
 
+#include "localizer/filter/shared_errors.h"
 #include "mapstore/run/run.h"
 
 namespace shiftmap {
@@ -20,7 +21,7 @@ inline constexpr double kApart = 0.5;
 /// Its error p̃ shares what the pose (error x̃) and the sensor's bias b had wrong when the landmark
 /// was seen there, so that later sightings from the same trajectory need not count that again.
 struct UnknownPlace {
-  using StateByPoint = Eigen::Matrix<double, 6, 2>;
+  using StateByPoint = SharedErrors::StateByPoint;
 
   int group = 0;                                             ///< Index into MapSnapshot::groups().
   Eigen::Vector2d p_map_landmark = Eigen::Vector2d::Zero();  ///< [m]

@@ -134,9 +134,9 @@ Status JournalFile::Flush() {
     }
     left.remove_prefix(static_cast<std::size_t>(written));
   }
-  constexpr std::size_t kKept = std::size_t{1} << 20;
-  if (unwritten_.capacity() > kKept) unwritten_ = std::string();
   unwritten_.clear();
+  constexpr std::size_t kKept = std::size_t{1} << 20;
+  if (unwritten_.capacity() > kKept) unwritten_.shrink_to_fit();
   return OkStatus();
 }
 

@@ -21,8 +21,8 @@ namespace shiftmap::live {
 /// survives the end of this process; Sync() makes it survive a power failure. StartSync() leaves
 /// the waiting for the disk to a thread of its own.
 ///
-/// Where the disk takes nothing, kMaxUnwrittenBytes are remembered. What comes later is not in the
-/// journal, for good: its records are those of a shift up to some time.
+/// While the disk takes no records, up to kMaxUnwrittenBytes of them stay in memory. The journal
+/// drops all later records, so that it always holds the begin of a shift without gaps.
 ///
 /// Errors: kUnavailable if the disk does not take it. Messages start with `journal 'PATH': `.
 class JournalFile {

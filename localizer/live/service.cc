@@ -268,8 +268,7 @@ void Service::CheckLogs(const Status& status) {
 void Service::CheckJournal(const Status& status) {
   if (status.ok()) return;
   dropped_.Add("journal_error");
-  if (std::exchange(journal_warning_, Message(status)) == Message(status)) return;
-  options_.warn(journal_warning_);
+  if (journal_warnings_.insert(Message(status)).second) options_.warn(Message(status));
 }
 
 void Service::WriteJournal() {

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <functional>
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -250,7 +251,7 @@ class Service {
   std::int64_t clock_jumps_ = 0;
   bool start_chosen_ = false;
   bool resumed_ = false;
-  std::string journal_warning_;  // The last of this shift.
+  std::set<std::string> journal_warnings_;  // Of this shift, each once.
   bool implausible_warned_ = false;
   DropCounts dropped_;
   std::int64_t overruns_ = 0;

@@ -57,7 +57,7 @@ Status Service::BeginShift(const ShiftHeader& header) {
   start_chosen_ = false;
   resumed_ = false;
   implausible_warned_ = false;
-  journal_warning_.clear();
+  journal_warnings_.clear();
   dropped_ = DropCounts();
   overruns_ = 0;
   last_uuid_ = header.uuid;

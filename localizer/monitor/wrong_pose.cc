@@ -128,16 +128,15 @@ std::optional<PoseFault> FindWrongPose(const PresentPose& present,
 }
 
 std::optional<PoseWithCovariance> FindOtherStart(const PresentPose& present,
-                                                 const RecentScans& way,
                                                  Stamp started,
                                                  const MapSnapshot& snapshot,
                                                  const GlobalStartOptions& options) {
-  const std::optional<Stamp> begin = way.Begin();
+  const std::optional<Stamp> begin = present.recent.Begin();
   if (!begin) return std::nullopt;
   const HealthMonitor::AtModes at_modes = present.health.CountAtModes(*begin);
   const int here = at_modes.yes + (*begin > started ? at_modes.of_start : 0);
   if (at_modes.no < here + kMinGain) return std::nullopt;
-  const std::vector<WindowScan> window = way.Since(*begin);
+  const std::vector<WindowScan> window = present.recent.Since(*begin);
   const auto other = FindGlobalStart(window, snapshot, options);
   if (!other || other->explained < here + kMinGain) return std::nullopt;
   const PoseWithCovariance there = PoseAtEnd(*other, window);

@@ -12,8 +12,8 @@ namespace shiftmap {
 /// A pose after a scan, and what was seen up to it.
 struct PresentPose {
   PoseWithCovariance pose;
-  Stamp stamp;  ///< Of the scan.
-  const RecentScans& recent;
+  Stamp stamp;                ///< Of the scan.
+  const RecentScans& recent;  ///< Up to the scan.
   const HealthMonitor& health;
 };
 
@@ -54,14 +54,13 @@ std::optional<PoseFault> FindWrongPose(const PresentPose& present,
                                        const FieldOfView& field_of_view,
                                        const GlobalStartOptions& options);
 
-/// Another pose after a start that may have gone by landmarks which moved as one, as a rack does:
-/// it explains three landmarks more of the way than the present pose does, not counting those that
-/// have made the start as long as the way has them. Windows as above forget the landmarks of a
-/// start, or see nothing but them.
-/// @param way      Up to the present scan.
-/// @param started  With the present pose.
+/// Finds another pose after a start that may rest on landmarks which moved as one, as a rack does.
+/// The other pose explains three landmarks more of the recent scans than the present pose does. The
+/// landmarks that made the start do not count for the present pose as long as the scans reach back
+/// to the start. Windows as above forget those landmarks, or see nothing else.
+/// @param present  Its recent scans cover the way since the start, or the last part of it.
+/// @param started  When the present pose was started.
 std::optional<PoseWithCovariance> FindOtherStart(const PresentPose& present,
-                                                 const RecentScans& way,
                                                  Stamp started,
                                                  const MapSnapshot& snapshot,
                                                  const GlobalStartOptions& options);

@@ -35,28 +35,35 @@ struct ErrorFunction {
   double prior_sd = 0.0;   // [m] or [rad]
 };
 
-// Where in the field of view an observation was made, as the solved graph has it. By what was
-// measured, an error would be a function of itself: noise, times that noise, has a mean.
-Observation Expected(const Graph& graph, const GraphObservation& item) {
-  const GraphRun& run = graph.runs[item.run];
-  Observation expected = item.observation;
-  expected.z -= LinearizeBiased(item.observation,
-                                run.poses[item.frame],
-                                graph.modes[item.mode],
-                                run.sensor_bias,
-                                item.mean_squared_bearing)
-                    .nu;
-  return expected;
-}
+// An observation where the solved graph expects it in the field of view. At the measured place, an
+// error would be a function of its own noise, and the product of noise with itself has a mean.
+struct ExpectedSighting {
+  Monomials monomials;
+  Eigen::Matrix2d by_polar;  // Standardized residual by (range, bearing), times the root of weight.
+  bool outlier = false;      // It may be expected anywhere.
+};
+using ExpectedSightings = IndexedVector<ObservationIndex, ExpectedSighting>;
 
-// An outlier may be expected anywhere.
-bool IsOutlier(const Graph& graph, const GraphObservation& item) {
-  static const double gate = ChiSquareQuantile(kInlierProbability, 2);
-  const GraphRun& run = graph.runs[item.run];
-  const Se2& pose = run.poses[item.frame];
-  return ObservationResidual(item)
-             .ResidualAt(pose, pose.Rotation(), graph.modes[item.mode], run.sensor_bias)
-             .squaredNorm() > gate;
+ExpectedSightings ExpectSightings(const Graph& graph) {
+  const double gate = ChiSquareQuantile(kInlierProbability, 2);
+  const IndexedVector<RunIndex, RobustLoss> losses = LossesOf(graph);
+  ExpectedSightings sightings;
+  for (const GraphObservation& item : graph.observations) {
+    const GraphRun& run = graph.runs[item.run];
+    const ObservationResidual residual(item);
+    const Se2& pose = run.poses[item.frame];
+    const Eigen::Vector2d& p = graph.modes[item.mode];
+    const double squared =
+        residual.ResidualAt(pose, pose.Rotation(), p, run.sensor_bias).squaredNorm();
+    Observation expected = item.observation;
+    expected.z -=
+        LinearizeBiased(item.observation, pose, p, run.sensor_bias, item.mean_squared_bearing).nu;
+    sightings.push_back({SensorDistortion::MonomialsOf(expected),
+                         std::sqrt(losses[item.run].Curvature(squared)) *
+                             residual.Whitened(SensorDistortion::DzDPolar(expected)),
+                         squared > gate});
+  }
+  return sightings;
 }
 
 // Monomials that differ from those before by less than this part, squared, are left out.
@@ -70,14 +77,14 @@ std::vector<int> OfSensorBias(int row) {
 
 // Polynomials of second degree that are orthonormal over observations, and orthogonal to the errors
 // in SensorBias, by Gram and Schmidt.
-std::vector<Monomials> OrthonormalOver(const Graph& graph,
+std::vector<Monomials> OrthonormalOver(const ExpectedSightings& sightings,
                                        const std::vector<ObservationIndex>& observations,
                                        int row) {
   Eigen::Matrix<double, SensorDistortion::kMonomials, SensorDistortion::kMonomials> products =
       decltype(products)::Zero();
   for (const ObservationIndex i : observations) {
-    if (IsOutlier(graph, graph.observations[i])) continue;
-    const Monomials m = SensorDistortion::MonomialsOf(Expected(graph, graph.observations[i]));
+    if (sightings[i].outlier) continue;
+    const Monomials& m = sightings[i].monomials;
     products += m * m.transpose() / static_cast<double>(observations.size());
   }
   std::vector<Monomials> functions;
@@ -101,6 +108,7 @@ std::vector<Monomials> OrthonormalOver(const Graph& graph,
 void AppendFunctions(const MapperOptions& options,
                      const SensorCalibration& sensor,
                      const Graph& graph,
+                     const ExpectedSightings& sightings,
                      const std::vector<ObservationIndex>& observations,
                      std::size_t vehicle,
                      std::vector<ErrorFunction>* functions) {
@@ -114,7 +122,7 @@ void AppendFunctions(const MapperOptions& options,
     sd << sensor.sd_position_m, sensor.sd_position_m / std::sqrt(squared_ranges / count);
   }
   for (const int row : {kRange, kBearing}) {
-    const std::vector<Monomials> orthonormal = OrthonormalOver(graph, observations, row);
+    const std::vector<Monomials> orthonormal = OrthonormalOver(sightings, observations, row);
     const auto count = static_cast<double>(orthonormal.size());
     for (const Monomials& function : orthonormal) {
       functions->push_back(
@@ -126,25 +134,14 @@ void AppendFunctions(const MapperOptions& options,
 // The functions as errors on standardized residuals.
 class DistortedResiduals {
  public:
+  // @param sightings  Of the graph.
   // @param functions  Those of each vehicle, and last one of all.
-  // @param vehicles   Of the runs of the graph, which must outlive this, as the functions must.
+  // @param vehicles   Of the runs of the graph. The others must outlive this.
   DistortedResiduals(const Graph& graph,
+                     const ExpectedSightings& sightings,
                      const std::vector<ErrorFunction>& functions,
                      const IndexedVector<RunIndex, std::size_t>& vehicles)
-      : graph_(graph), functions_(functions) {
-    const IndexedVector<RunIndex, RobustLoss> losses = LossesOf(graph);
-    for (const GraphObservation& item : graph.observations) {
-      const GraphRun& run = graph.runs[item.run];
-      const ObservationResidual residual(item);
-      const Se2& pose = run.poses[item.frame];
-      const double squared =
-          residual.ResidualAt(pose, pose.Rotation(), graph.modes[item.mode], run.sensor_bias)
-              .squaredNorm();
-      const Observation expected = Expected(graph, item);
-      by_polar_.push_back(std::sqrt(losses[item.run].Curvature(squared)) *
-                          residual.Whitened(SensorDistortion::DzDPolar(expected)));
-      monomials_.push_back(SensorDistortion::MonomialsOf(expected));
-    }
+      : graph_(graph), sightings_(sightings), functions_(functions) {
     errors_.amplitudes = std::ssize(functions);
     for (const RunIndex r : graph.runs.indices()) {
       std::vector<Eigen::Index>& of_run = errors_.of_run.emplace_back();
@@ -179,16 +176,15 @@ class DistortedResiduals {
     for (std::size_t k = 0; k < of_run.size(); ++k) {
       const ErrorFunction& function = functions_[static_cast<std::size_t>(of_run[k])];
       columns.col(static_cast<Eigen::Index>(k)) =
-          by_polar_[i].col(function.row) * function.coefficients.dot(monomials_[i]);
+          sightings_[i].by_polar.col(function.row) *
+          function.coefficients.dot(sightings_[i].monomials);
     }
     return columns;
   }
 
   const Graph& graph_;
+  const ExpectedSightings& sightings_;
   const std::vector<ErrorFunction>& functions_;
-  // By how much observations change with (range, bearing), times the root of their weight.
-  IndexedVector<ObservationIndex, Eigen::Matrix2d> by_polar_;
-  IndexedVector<ObservationIndex, Monomials> monomials_;
   LinearErrors errors_;
 };
 
@@ -247,10 +243,11 @@ ObservationsByVehicle GroupByVehicle(const Graph& graph,
 std::vector<ErrorFunction> FunctionsOf(const MapperOptions& options,
                                        const SensorCalibration& sensor,
                                        const Graph& graph,
+                                       const ExpectedSightings& sightings,
                                        const ObservationsByVehicle& observations) {
   std::vector<ErrorFunction> functions;
   for (const auto& [vehicle, of_vehicle] : observations) {
-    AppendFunctions(options, sensor, graph, of_vehicle, vehicle, &functions);
+    AppendFunctions(options, sensor, graph, sightings, of_vehicle, vehicle, &functions);
   }
   functions.push_back({std::nullopt, kRange, Monomials::Unit(SensorDistortion::kR), 0.0});
   return functions;
@@ -268,10 +265,11 @@ bool EstimateDistortions(const MapperOptions& options,
                          BuildState* build) {
   if (!HasDistortions(options)) return false;
   const IndexedVector<RunIndex, std::size_t> vehicles = VehicleOfRun(*build);
+  const ExpectedSightings sightings = ExpectSightings(graph);
   const std::vector<ErrorFunction> functions =
-      FunctionsOf(options, build->sensor, graph, GroupByVehicle(graph, vehicles));
+      FunctionsOf(options, build->sensor, graph, sightings, GroupByVehicle(graph, vehicles));
   const AmplitudeSystem all =
-      EliminateGraph(posterior, DistortedResiduals(graph, functions, vehicles));
+      EliminateGraph(posterior, DistortedResiduals(graph, sightings, functions, vehicles));
   const Eigen::Index size = std::ssize(functions) - 1;
   const Eigen::VectorXd growth = GrowthOf(graph, all.mode_steps.leftCols(size));
   const AmplitudeSystem system = WithoutGrowth(all, growth);

@@ -6,6 +6,7 @@
 
 #include "localizer/models/motion_model.h"
 #include "localizer/models/observation_model.h"
+#include "mapper/graph/residuals.h"
 #include "mapper/state/sightings.h"
 #include "mapstore/core/quantile.h"
 
@@ -43,8 +44,8 @@ void AddMotionSquares(const BuildRun& run, MotionSquares* squares) {
     T_first_odometry = T_first_odometry * MotionFrom(run.motions, i - 1, run.odometry).T_begin_end;
     const double seconds = ToSeconds(frames[i].stamp - frames[first].stamp);
     if (seconds < kNoiseSpanSeconds) continue;
-    if (T_first_odometry.translation().isZero(0.0) && T_first_odometry.yaw() == 0.0) {
-      first = i;  // It stood, which says nothing of driving.
+    if (Stands(T_first_odometry)) {
+      first = i;
       continue;
     }
     const Se2 T_first_i = run.poses[first].Inverse() * run.poses[i];

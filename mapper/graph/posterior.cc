@@ -31,12 +31,6 @@ Eigen::Vector2d ResidualOf(const Graph& graph, const GraphObservation& item) {
       .r;
 }
 
-// The noise of a vehicle that stands is a share of the noise of driving by assumption: what it does
-// not slip says nothing of the latter.
-bool Stands(const MotionIncrement& motion) {
-  return motion.T_begin_end.translation().isZero(0.0) && motion.T_begin_end.yaw() == 0.0;
-}
-
 // Adds the residuals of motions, and what the fit leaves of noise on them.
 void CountMotions(const Graph& graph,
                   const std::vector<GraphResiduals>& left,
@@ -46,7 +40,7 @@ void CountMotions(const Graph& graph,
     const GraphRun& run = graph.runs[r];
     ResidualStatistics& sums = (*statistics)[r];
     for (const FrameIndex i : run.motions.indices()) {
-      if (Stands(run.motions[i])) continue;
+      if (Stands(run.motions[i].T_begin_end)) continue;
       const Eigen::Vector3d residual = ResidualOf(run, i);
       Eigen::Array3d redundancy = Eigen::Array3d::Zero();
       for (const GraphResiduals& of_draw : left) {

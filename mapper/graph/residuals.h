@@ -18,6 +18,12 @@ namespace shiftmap {
 /// outlier: it says nothing about noise, detection or support.
 inline constexpr double kInlierProbability = 0.999;
 
+/// The vehicle stood, by its odometry. Such a motion says nothing about the noise of driving: the
+/// noise of a vehicle that stands is a fixed share of it (AppendMotion()).
+inline bool Stands(const Se2& T_begin_end) {
+  return T_begin_end.translation().isZero(0.0) && T_begin_end.yaw() == 0.0;
+}
+
 /// r = Σ^(-1/2) diag(e^s, e^s, 1) Log( (T_i Δ(c))⁻¹ T_j ),  Δ(c) = Δ Exp(J c).
 ///
 /// The noise of odometry is known in the units of length of the run's own sensor, whose ranges are

@@ -46,6 +46,12 @@ namespace {
 // The mode of each landmark in a run at a tick of it.
 using ModesAt = std::function<std::vector<ModeNumber>(int run, int tick)>;
 
+// On a square floor from the origin on. [m]
+Eigen::Vector2d Anywhere(double size, Random* random) {
+  const double x = Uniform(0.0, size, random);
+  return {x, Uniform(0.0, size, random)};
+}
+
 constexpr double kTick = 0.1;
 
 // Ticks at which a vehicle stands.
@@ -159,16 +165,12 @@ SimulatedWorld LongStand(std::uint64_t seed, double stand_s) {
   constexpr double kSize = 20.0;
   constexpr int kTicks = 3000;
   Random random = MakeRandom(seed, 0);
-  const auto anywhere = [&] {
-    const double x = Uniform(0.0, kSize, &random);
-    return Eigen::Vector2d(x, Uniform(0.0, kSize, &random));
-  };
   SimulatedWorld world;
   for (int i = 0; i < 14; ++i) {
-    world.groups.push_back({Signature(fmt::format("{:02}", i)), {anywhere()}});
+    world.groups.push_back({Signature(fmt::format("{:02}", i)), {Anywhere(kSize, &random)}});
   }
   std::vector<Eigen::Vector2d> way;
-  for (int i = 0; i < 40; ++i) way.push_back(anywhere());
+  for (int i = 0; i < 40; ++i) way.push_back(Anywhere(kSize, &random));
   const int stands = static_cast<int>(stand_s / kTick);
   AddRuns(way,
           kTicks + stands,
@@ -189,18 +191,14 @@ SimulatedWorld Doors(std::uint64_t seed, int runs) {
   constexpr int kWaypoints = 40;
   constexpr int kTicks = 9000;
   Random random = MakeRandom(seed, 0);
-  const auto anywhere = [&] {
-    const double x = Uniform(0.0, kSize, &random);
-    return Eigen::Vector2d(x, Uniform(0.0, kSize, &random));
-  };
   SimulatedWorld world;
   for (int i = 0; i < kLandmarks; ++i) {
-    const Eigen::Vector2d p = anywhere();
+    const Eigen::Vector2d p = Anywhere(kSize, &random);
     world.groups.push_back({Signature(fmt::format("{:02}", i)), {p}});
     if (i < kDoors) world.groups.back().modes.emplace_back(p.x() + kGap, p.y());
   }
   std::vector<Eigen::Vector2d> way;
-  for (int i = 0; i < kWaypoints; ++i) way.push_back(anywhere());
+  for (int i = 0; i < kWaypoints; ++i) way.push_back(Anywhere(kSize, &random));
   // Each changes its place in turn, at a time of its own.
   const ModesAt to_and_fro = [&](int, int tick) {
     constexpr int kTicksAtMode = 2000;
