@@ -84,11 +84,27 @@ Status MapStore::State::HoldIfBeforeItsMap(const ShiftReport& report,
   SHIFTMAP_ASSIGN_OR_RETURN(const bool included, WasIncluded(database, area_id, hold.run));
   if (included) return OkStatus();
   SHIFTMAP_ASSIGN_OR_RETURN(const bool added, InsertExclusion(database, area_id, hold));
-  if (!added) return OkStatus();
+  return added ? NoteExclusion(area_id, hold, inserted) : OkStatus();
+}
+
+Status MapStore::State::ExcludeIfExpected(const ShiftReport& report,
+                                          std::int64_t area_id,
+                                          InsertedReport* inserted) {
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      const std::optional<Exclusion> exclusion,
+      ExcludeRunOfReport(database, area_id, LowerCaseUuid(report.uuid), inserted->run, clock()));
+  return exclusion ? NoteExclusion(area_id, *exclusion, inserted) : OkStatus();
+}
+
+Status MapStore::State::NoteExclusion(std::int64_t area_id,
+                                      const Exclusion& exclusion,
+                                      InsertedReport* inserted) {
   SHIFTMAP_ASSIGN_OR_RETURN(const bool known, IsKnownOtherwise(database, inserted->report_id));
   if (known) inserted->changed_from = Stamp::min();
-  return InsertAudit(
-      database, area_id, AuditAction::kHold, fmt::format("run {}: {}", hold.run, hold.reason));
+  return InsertAudit(database,
+                     area_id,
+                     exclusion.held ? AuditAction::kHold : AuditAction::kExclude,
+                     fmt::format("run {}: {}", exclusion.run, exclusion.reason));
 }
 
 StatusOr<ReturnResult> MapStore::State::AddReport(const ShiftReport& report,
@@ -101,6 +117,7 @@ StatusOr<ReturnResult> MapStore::State::AddReport(const ShiftReport& report,
   }
   SHIFTMAP_ASSIGN_OR_RETURN(InsertedReport inserted,
                             InsertReport(database, area_row.area_id, version, report, clock()));
+  SHIFTMAP_RETURN_IF_ERROR(ExcludeIfExpected(report, area_row.area_id, &inserted));
   SHIFTMAP_RETURN_IF_ERROR(HoldIfBeforeItsMap(report, reported, &inserted));
   ReturnResult result;
   result.evidence_rows = static_cast<int>(report.evidence.size());

@@ -217,6 +217,7 @@ struct StoreChanges {
 /// A shift report in the ledger, and what it means for one map version.
 struct ReportSummary {
   std::string uuid;
+  std::string run;  ///< Identity of its run; of a shift that left no log, `uuid`.
   std::string vehicle;
   VersionNumber version;  ///< The one driven on.
   std::string run_hash;

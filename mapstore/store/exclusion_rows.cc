@@ -81,6 +81,25 @@ StatusOr<bool> EndExclusion(Database& database,
   return database.Changes() > 0;
 }
 
+StatusOr<std::optional<Exclusion>> ExcludeRunOfReport(Database& database,
+                                                      std::int64_t area_id,
+                                                      const std::string& uuid,
+                                                      const std::string& run,
+                                                      Stamp received) {
+  if (uuid == run) return std::optional<Exclusion>();
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<Exclusion> exclusions,
+                            ReadExclusions(database, area_id));
+  const auto found = std::find_if(exclusions.begin(), exclusions.end(), [&](const auto& exclusion) {
+    return exclusion.vehicle.empty() && exclusion.run == uuid;
+  });
+  if (found == exclusions.end()) return std::optional<Exclusion>();
+  Exclusion exclusion = *found;
+  exclusion.run = run;
+  exclusion.excluded = received;
+  SHIFTMAP_ASSIGN_OR_RETURN(const bool added, InsertExclusion(database, area_id, exclusion));
+  return added ? std::optional(exclusion) : std::nullopt;
+}
+
 StatusOr<bool> WasIncluded(Database& database, std::int64_t area_id, const std::string& run) {
   SHIFTMAP_ASSIGN_OR_RETURN(
       Statement query,
@@ -126,7 +145,9 @@ StatusOr<std::set<std::string>> NamesOfRun(Database& database,
       Statement query,
       database.Prepare("SELECT sha256 FROM run WHERE identity = ?1 UNION "
                        "SELECT r.run_hash FROM shift_report r JOIN version USING (version_id) "
-                       "WHERE identity = ?1 AND area_id = ?2 AND run_hash <> ''"));
+                       "WHERE identity = ?1 AND area_id = ?2 AND run_hash <> '' UNION "
+                       "SELECT r.uuid FROM shift_report r JOIN version USING (version_id) "
+                       "WHERE identity = ?1 AND area_id = ?2"));
   query.Bind(identity, area_id);
   std::set<std::string> names{identity};
   for (;;) {

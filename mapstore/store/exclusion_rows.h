@@ -29,6 +29,14 @@ StatusOr<bool> EndExclusion(Database& database,
                             const Exclusion& exclusion,
                             Stamp ended);
 
+/// An exclusion of a report by its UUID that was made before the report came is one of the report's
+/// run from now on. Returns it if there is one, and none of the run yet.
+StatusOr<std::optional<Exclusion>> ExcludeRunOfReport(Database& database,
+                                                      std::int64_t area_id,
+                                                      const std::string& uuid,
+                                                      const std::string& run,
+                                                      Stamp received);
+
 /// Whether one of a run was taken back.
 StatusOr<bool> WasIncluded(Database& database, std::int64_t area_id, const std::string& run);
 
@@ -38,7 +46,8 @@ StatusOr<bool> WasIncluded(Database& database, std::int64_t area_id, const std::
 /// if it is none.
 StatusOr<std::string> FindRun(Database& database, std::int64_t area_id, const std::string& text);
 
-/// A run's identity, and the SHA-256 of each log of it that is known.
+/// A run's identity, and of what is known of it the SHA-256 of each log and the UUID of each
+/// report.
 StatusOr<std::set<std::string>> NamesOfRun(Database& database,
                                            std::int64_t area_id,
                                            const std::string& identity);

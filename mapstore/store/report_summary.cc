@@ -36,8 +36,8 @@ StatusOr<std::vector<ReportSummary>> ReadReports(
   SHIFTMAP_ASSIGN_OR_RETURN(
       Statement query,
       database.Prepare(
-          "SELECT report_id, uuid, vehicle, v.number, run_hash, software, begin_ns, end_ns, "
-          "received_ns, (SELECT count(*) FROM decision d WHERE d.report_id = r.report_id), "
+          "SELECT report_id, uuid, identity, vehicle, v.number, run_hash, software, begin_ns, "
+          "end_ns, received_ns, (SELECT count(*) FROM decision d WHERE d.report_id = r.report_id), "
           "(SELECT count(*) FROM sighting s WHERE s.report_id = r.report_id) "
           "FROM shift_report r JOIN version v USING (version_id) WHERE v.area_id = ?1 "
           "ORDER BY end_ns DESC, uuid"));
@@ -48,15 +48,16 @@ StatusOr<std::vector<ReportSummary>> ReadReports(
     if (!row) return reports;
     ReportSummary report;
     report.uuid = query.Text(1);
-    report.vehicle = query.Text(2);
-    report.version = VersionNumber(query.Int64(3));
-    report.run_hash = query.Text(4);
-    report.software = query.Text(5);
-    report.begin = StampFromNanoseconds(query.Int64(6));
-    report.end = StampFromNanoseconds(query.Int64(7));
-    report.received = StampFromNanoseconds(query.Int64(8));
-    report.decisions = static_cast<int>(query.Int64(9));
-    report.sightings = static_cast<int>(query.Int64(10));
+    report.run = query.Text(2);
+    report.vehicle = query.Text(3);
+    report.version = VersionNumber(query.Int64(4));
+    report.run_hash = query.Text(5);
+    report.software = query.Text(6);
+    report.begin = StampFromNanoseconds(query.Int64(7));
+    report.end = StampFromNanoseconds(query.Int64(8));
+    report.received = StampFromNanoseconds(query.Int64(9));
+    report.decisions = static_cast<int>(query.Int64(10));
+    report.sightings = static_cast<int>(query.Int64(11));
     index_of_id->emplace(query.Int64(0), reports.size());
     reports.push_back(std::move(report));
   }

@@ -112,6 +112,14 @@ struct MapStore::State {
                             const Reportable& reported,
                             InsertedReport* inserted);
 
+  /// Audits the exclusion of an inserted report's run, and adds what it changes to changed_from.
+  Status NoteExclusion(std::int64_t area_id, const Exclusion& exclusion, InsertedReport* inserted);
+
+  /// Excludes the run of a report that was excluded before it came.
+  Status ExcludeIfExpected(const ShiftReport& report,
+                           std::int64_t area_id,
+                           InsertedReport* inserted);
+
   /// Adds the rows of a report that is not there yet, inside a transaction.
   StatusOr<ReturnResult> AddReport(const ShiftReport& report,
                                    const Reportable& reported,

@@ -30,16 +30,6 @@ std::string SetAsideText(const ReportSummary& report, const Exclusion* exclusion
   return text;
 }
 
-// The exclusion of the report's run or vehicle, or null.
-const Exclusion* ExclusionOf(const ReportSummary& report,
-                             const std::vector<Exclusion>& exclusions) {
-  return FindExclusion(exclusions,
-                       report.run_hash.empty() ? report.uuid : report.run_hash,
-                       report.run_hash,
-                       report.vehicle,
-                       report.begin);
-}
-
 struct LedgerArguments : StoreArguments {
   std::optional<double> since_s;
   std::optional<std::int64_t> limit;
@@ -69,7 +59,8 @@ Status RunReports(const LedgerArguments& arguments, Context& context) {
                       "sightings"});
   table.KeepWide(4, 40);
   for (const ReportSummary& report : reports) {
-    const Exclusion* const exclusion = ExclusionOf(report, exclusions);
+    const Exclusion* const exclusion =
+        FindExclusion(exclusions, report.run, report.run_hash, report.vehicle, report.begin);
     list.push_back({{"uuid", report.uuid},
                     {"vehicle", report.vehicle},
                     {"version", report.version.value()},

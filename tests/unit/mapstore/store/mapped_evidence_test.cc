@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Versions whose probabilities are derived: mapped runs and reports as one memory.
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <cmath>
 #include <numeric>
@@ -381,18 +383,33 @@ TEST_F(MappedEvidenceTest, ARunIsExcludedByItsUuidInCapitals) {
   EXPECT_NE(At1(At(900.0)), before);
 }
 
-// A night names a log by its hash, and an operator excludes that before a report about it comes.
-TEST_F(MappedEvidenceTest, ARunIsExcludedByTheHashOfItsLogBeforeItComes) {
+// An operator may know a run by any of its names before a report about it comes: a night names a
+// log by its hash, a vehicle its report by a UUID. It may come back by any other name.
+TEST_F(MappedEvidenceTest, ARunIsExcludedByEachOfItsNamesBeforeItComes) {
   const CommitResult map = Map({0}, std::nullopt);
-  const double before = At1(At(900.0));
-  ASSERT_THAT(store_.Exclude("a", {Hash(1), "", {}, "lies", {}}), IsOk());
-  ShiftReport report = Report(map, 1);
-  report.run_uuid = "0f8fad5b-d9cb-469f-a165-70867728950e";
-  EXPECT_EQ(store_.Return(report)->set_aside[0].reason, SetAside::kExcluded);
-  EXPECT_EQ(At1(At(900.0)), before);
-  ASSERT_THAT(store_.Include("a", {report.run_uuid, "", {}, "", {}}), IsOk());
-  EXPECT_NE(At1(At(900.0)), before);
-  EXPECT_THAT(*store_.Exclusions("a"), IsEmpty());
+  const double before = At1(At(2000.0));
+  int runs = 0;
+  for (const bool has_log : {true, false}) {
+    for (std::size_t excluded = 0; excluded < 3; ++excluded) {
+      for (std::size_t included = 0; included < 3; ++included) {
+        if (!has_log && (excluded == 0 || included == 0)) continue;
+        ShiftReport report = Report(map, ++runs);
+        report.run_uuid = fmt::format("0f8fad5b-d9cb-469f-a165-70867728{:04}", runs);
+        if (!has_log) report.run_hash = "";
+        const std::array<std::string, 3> names{report.run_hash, report.run_uuid, report.uuid};
+        SCOPED_TRACE(
+            fmt::format("excluded as {}, included as {}", names[excluded], names[included]));
+        ASSERT_THAT(store_.Exclude("a", {names[excluded], "", {}, "lies", {}}), IsOk());
+        EXPECT_EQ(store_.Return(report)->set_aside[0].reason, SetAside::kExcluded);
+        EXPECT_EQ(At1(At(2000.0)), before);
+        ASSERT_THAT(store_.Include("a", {names[included], "", {}, "", {}}), IsOk());
+        EXPECT_NE(At1(At(2000.0)), before);
+        EXPECT_THAT(*store_.Exclusions("a"), SizeIs(runs - 1));
+        ASSERT_THAT(store_.Exclude("a", {names[included], "", {}, "lies", {}}), IsOk());
+        EXPECT_EQ(At1(At(2000.0)), before);
+      }
+    }
+  }
 }
 
 // As by somebody who looks at the run while a night builds on it.

@@ -154,6 +154,13 @@ TEST_F(StoreCommands, ReportsSayWhyAPersonTookTheirRunOut) {
   EXPECT_EQ(Run({"reports", "--json"}).json()["reports"][0]["exclusion_reason"], "new wheels");
 }
 
+// The run of a report may have a UUID of its own.
+TEST_F(StoreCommands, ReportsSayWhyTheirRunIsOut) {
+  const Json report = Run({"reports", "--json"}).json()["reports"][0];
+  ASSERT_EQ(Run({"runs", "exclude", report["uuid"], "--reason", "lies"}).code, 0);
+  EXPECT_EQ(Run({"reports", "--json"}).json()["reports"][0]["exclusion_reason"], "lies");
+}
+
 // To exclude a name with a slip of the pen takes nothing out.
 TEST_F(StoreCommands, AVehicleWithoutRunsIsNamed) {
   const Outcome slip = Run({"runs", "exclude", "--vehicle", "truk", "--reason", "lies"});
