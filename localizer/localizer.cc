@@ -397,7 +397,7 @@ void Localizer::FindRival(Stamp stamp) {
     Consider(*fault->rival, fault->since);
   } else {
     health_.DeclareLost(fault->since);
-    odometry_trust_.Distrust();
+    if (fault->odometry) odometry_trust_.Distrust();
   }
 }
 

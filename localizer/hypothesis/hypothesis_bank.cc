@@ -89,7 +89,7 @@ bool HypothesisBank::Consider(const PoseWithCovariance& pose) {
   if (std::any_of(leaves.all().begin(), leaves.all().end(), [&](const Leaf* leaf) {
         const PoseWithCovariance held = leaf->filter.Pose();
         const bool vague = held.cov_T_map_vehicle.topLeftCorner<2, 2>().trace() > kVague * kVague;
-        return leaf->log_weight > log_considered && !vague && !ClearlyApart(held, pose);
+        return leaf->log_weight > log_considered && !vague && !Apart(held, pose);
       })) {
     return false;
   }

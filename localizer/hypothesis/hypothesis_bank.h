@@ -79,7 +79,7 @@ class HypothesisBank {
   void Restart(const PoseWithCovariance& start, Stamp stamp, Stamp wrong_since = Stamp::max());
 
   /// Adds a leaf at another pose, as heavy as all others together, with the map's probabilities of
-  /// all modes. Returns false, and does nothing, if a leaf is there already.
+  /// all modes. Returns false, and does nothing, if a leaf stands for it already.
   bool Consider(const PoseWithCovariance& pose);
 
   /// Moves all leaves on.

@@ -4,6 +4,18 @@
 #include <cmath>
 
 namespace shiftmap {
+namespace {
+
+// Quantiles of chi-square, 3 degrees of freedom.
+constexpr double k999 = 16.3;
+constexpr double k95 = 7.81;
+
+double SquaredDistance(const PoseWithCovariance& a, const PoseWithCovariance& b) {
+  return SquaredMahalanobis(
+      a.T_map_vehicle, b.T_map_vehicle, a.cov_T_map_vehicle + b.cov_T_map_vehicle);
+}
+
+}  // namespace
 
 Status ValidateStart(const PoseWithCovariance& pose) {
   const Se2& T = pose.T_map_vehicle;
@@ -36,9 +48,11 @@ Status ValidateStart(const PoseWithCovariance& pose) {
 }
 
 bool ClearlyApart(const PoseWithCovariance& a, const PoseWithCovariance& b) {
-  constexpr double kQuantile = 16.3;  // Of chi-square, 3 degrees of freedom.
-  const Eigen::Matrix3d cov = a.cov_T_map_vehicle + b.cov_T_map_vehicle;
-  return SquaredMahalanobis(a.T_map_vehicle, b.T_map_vehicle, cov) > kQuantile;
+  return SquaredDistance(a, b) > k999;
+}
+
+bool Apart(const PoseWithCovariance& a, const PoseWithCovariance& b) {
+  return SquaredDistance(a, b) > k95;
 }
 
 }  // namespace shiftmap

@@ -24,4 +24,7 @@ Status ValidateStart(const PoseWithCovariance& pose);
 /// quantile of what their covariances, taken as independent, allow.
 bool ClearlyApart(const PoseWithCovariance& a, const PoseWithCovariance& b);
 
+/// Whether one does not stand for the other: the same with the 0.95 quantile.
+bool Apart(const PoseWithCovariance& a, const PoseWithCovariance& b);
+
 }  // namespace shiftmap

@@ -104,7 +104,7 @@ std::optional<PoseFault> FindWrongPose(const PresentPose& present,
     if (window.empty()) continue;
     const bool nothing_agrees = window_s == kWindowsS[0] && support.agreeing == 0;
     if (ContradictsOdometry(window, snapshot, nothing_agrees ? 1 : kMinAdrift)) {
-      return PoseFault{since, std::nullopt};
+      return PoseFault{since, std::nullopt, true};
     }
     if (!support.Doubts()) continue;
     // Landmarks that never agreed may be all that is in view: then it takes the longest.
@@ -112,14 +112,14 @@ std::optional<PoseFault> FindWrongPose(const PresentPose& present,
     const auto other = FindGlobalStart(window, snapshot, options);
     if (!other || other->explained < support.agreeing + kMinGain) continue;
     const PoseWithCovariance there = PoseAtEnd(*other, window);
-    if (!ClearlyApart(there, present.pose)) continue;
+    if (!Apart(there, present.pose)) continue;
     const auto missed_at = [&](const PoseWithCovariance& at) {
       return CountMissed(at.T_map_vehicle, window, snapshot, field_of_view);
     };
     // What had agreed fails now: the pose has gone wrong.
-    if (support.turned >= kMinTurned) return PoseFault{since, std::nullopt};
+    if (support.turned >= kMinTurned) return PoseFault{since};
     const int proof = present.health.CountAtModes(present.stamp - kLately).yes;
-    const bool proven = proof >= other->explained + kMinGain;
+    const bool proven = proof >= other->explained;
     if (missed_at(there) + (proven ? kMissedMore : 0) < missed_at(present.pose)) {
       return PoseFault{since, there};
     }
@@ -135,12 +135,12 @@ std::optional<PoseWithCovariance> FindOtherStart(const PresentPose& present,
   if (!begin) return std::nullopt;
   const HealthMonitor::AtModes at_modes = present.health.CountAtModes(*begin);
   const int here = at_modes.yes + (*begin > started ? at_modes.of_start : 0);
-  if (at_modes.no < here + kMinGain) return std::nullopt;
+  if (at_modes.no <= here) return std::nullopt;
   const std::vector<WindowScan> window = present.recent.Since(*begin);
   const auto other = FindGlobalStart(window, snapshot, options);
-  if (!other || other->explained < here + kMinGain) return std::nullopt;
+  if (!other || other->explained <= here) return std::nullopt;
   const PoseWithCovariance there = PoseAtEnd(*other, window);
-  if (!ClearlyApart(there, present.pose)) return std::nullopt;
+  if (!Apart(there, present.pose)) return std::nullopt;
   return there;
 }
 

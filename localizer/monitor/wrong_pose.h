@@ -23,7 +23,9 @@ struct PoseFault {
 
   /// Another pose at its end that explains what fails, as it may if the landmarks moved as one.
   /// Nothing: the pose is wrong.
-  std::optional<PoseWithCovariance> rival;
+  std::optional<PoseWithCovariance> rival = std::nullopt;
+
+  bool odometry = false;  ///< Is wrong too.
 };
 
 /// Finds out that the vehicle is elsewhere: that odometry is wrong, or that one other pose explains
@@ -36,14 +38,15 @@ struct PoseFault {
 /// Two causes are weighed for the landmarks that fail. If they moved, each did so by itself, and no
 /// pose fits more than two of them but by chance. If the pose is wrong, one motion puts all of them
 /// back on modes of theirs, and takes those that agree off theirs. So another pose has to explain
-/// three landmarks more than agree with this one, be clearly apart from it, and beat every third
-/// pose as FindGlobalStart() asks.
+/// three landmarks more than agree with this one, be apart from it, and beat every third pose as
+/// FindGlobalStart() asks. That may also be so because a rack that moved pulled the pose along: it
+/// says nothing of odometry.
 ///
 /// Several that moved as one, as a rack does, are also explained by one motion. So if landmarks
 /// that agreed before have not turned, what is missed decides: one who is elsewhere misses what
 /// should be here, and not what should be there. A rack that turned is missed where it stood before
-/// it is seen where it stands. So against a pose that more landmarks have agreed with in the last
-/// half minute than speak for another, three have to be missed.
+/// it is seen where it stands. So against a pose that as many landmarks have agreed with in the
+/// last half minute as speak for another, three have to be missed.
 ///
 /// Windows of 3, 1.5 and 0.75 s are asked: the longer tell more, the shorter do without what was
 /// seen before the pose went wrong, and without odometry that may be what is wrong.
@@ -55,7 +58,7 @@ std::optional<PoseFault> FindWrongPose(const PresentPose& present,
                                        const GlobalStartOptions& options);
 
 /// Finds another pose after a start that may rest on landmarks which moved as one, as a rack does.
-/// The other pose explains three landmarks more of the recent scans than the present pose does. The
+/// The other pose explains more landmarks of the recent scans than the present pose does. The
 /// landmarks that made the start do not count for the present pose as long as the scans reach back
 /// to the start. Windows as above forget those landmarks, or see nothing else.
 /// @param present  Its recent scans cover the way since the start, or the last part of it.

@@ -480,6 +480,9 @@ TEST(HypothesisBank, AnotherPoseIsHeldBesideThePresentOneUntilWhatIsSeenDecides)
   HypothesisBank bank(Snapshot(content), {}, AtOrigin(0.1), StampFromSeconds(1000.0));
   PoseWithCovariance there = AtOrigin(0.1);
   there.T_map_vehicle = Se2(0.0, 3.0, 0.0);
+  PoseWithCovariance near = AtOrigin(0.1);
+  near.T_map_vehicle = Se2(0.0, 0.35, 0.0);
+  EXPECT_FALSE(bank.Consider(near));
   ASSERT_TRUE(bank.Consider(there));
   EXPECT_FALSE(bank.Consider(there));
   const Eigen::Vector2d p_there = there.T_map_vehicle.translation();

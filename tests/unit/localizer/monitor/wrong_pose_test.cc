@@ -10,6 +10,7 @@
 #include <cmath>
 #include <random>
 
+#include "localizer/initialization/start_pose.h"
 #include "tests/unit/localizer/simulated_run.h"
 
 namespace shiftmap {
@@ -89,6 +90,11 @@ struct Seen {
     return FindWrongPose({SureOf(pose), At(3.0), recent, health}, Snapshot(content), sector, {});
   }
 
+  // As if the pose had been started when the first scan came.
+  std::optional<PoseWithCovariance> OtherStart(const MapContent& content, const Se2& pose) const {
+    return FindOtherStart({SureOf(pose), At(3.0), recent, health}, At(0.0), Snapshot(content), {});
+  }
+
   HealthMonitor health;
   RecentScans recent;
 };
@@ -103,6 +109,7 @@ TEST(WrongPose, OneMotionThatPutsAllBackIsFound) {
   const auto fault = seen.Fault(content, Se2(1.5, -1.0, 0.3));
   ASSERT_TRUE(fault);
   EXPECT_FALSE(fault->rival);
+  EXPECT_FALSE(fault->odometry);
   EXPECT_TRUE(seen.Fault(content, Se2(0.0, 0.0, 0.5)));
 }
 
@@ -163,7 +170,7 @@ TEST(WrongPose, OdometryIsWrongWhereNoLandmarkStandsByIt) {
   const Se2 turn(0.0, 0.0, 0.5 * kScanS);
   for (const int in_view : {1, 2, 3}) {
     const auto fault = Seen(content, moved, 0, false, in_view, {turn, Se2()}).Fault(content, Se2());
-    EXPECT_TRUE(fault && !fault->rival) << in_view;
+    EXPECT_TRUE(fault && fault->odometry) << in_view;
     EXPECT_FALSE(Seen(content, moved, 0, false, in_view, {turn, turn}).Fault(content, Se2()));
     EXPECT_FALSE(Seen(content, moved, 0, false, in_view, {}).Fault(content, Se2()));
   }
@@ -171,6 +178,40 @@ TEST(WrongPose, OdometryIsWrongWhereNoLandmarkStandsByIt) {
   Seen carried(content, moved, 0, false, 1, {turn, Se2()});
   carried.health.Add(At(3.0), 1, true, 2.0);
   EXPECT_FALSE(carried.Fault(content, Se2()));
+}
+
+// A start beside a rack that moved: by its landmarks the vehicle is off, by the others it is at the
+// origin. It is questioned by the pose of the others if these are more, and by no other.
+TEST(WrongPose, AStartIsQuestionedByAPoseThatExplainsMore) {
+  constexpr int kWorlds = 20;
+  const Se2 rack(1.5, -1.0, 0.2);
+  int questioned = 0;
+  for (std::uint64_t world = 1; world <= kWorlds; ++world) {
+    const MapContent content = Map(world);
+    for (int in_rack = 3; in_rack <= 5; ++in_rack) {
+      const auto start = [&](int first_in_rack, int agreeing, const Se2& pose) {
+        std::vector<Eigen::Vector2d> truth = InPlace(content);
+        for (int group = first_in_rack; group < first_in_rack + in_rack; ++group) {
+          Eigen::Vector2d& p = truth[static_cast<std::size_t>(group)];
+          p = rack * p;
+        }
+        return Seen(content, truth, agreeing, false).OtherStart(content, pose);
+      };
+      // Landmarks that agree come first.
+      const auto of_others = start(0, in_rack, rack.Inverse());
+      const auto of_rack = start(kSeen - in_rack, kSeen - in_rack, Se2());
+      questioned += of_others.has_value() + of_rack.has_value();
+      if (of_others) {
+        EXPECT_LT(in_rack, kSeen - in_rack);
+        EXPECT_FALSE(ClearlyApart(*of_others, SureOf(Se2())));
+      }
+      if (of_rack) {
+        EXPECT_GT(in_rack, kSeen - in_rack);
+        EXPECT_FALSE(ClearlyApart(*of_rack, SureOf(rack.Inverse())));
+      }
+    }
+  }
+  EXPECT_GE(questioned, 2 * kWorlds * 8 / 10);
 }
 
 }  // namespace
