@@ -22,6 +22,10 @@ BuildEdits MakeBuildEdits(const std::vector<MapEdit>& held) {
     if (edit.undone && !names_modes) continue;
     in_force.push_back(edit);
     if (edit.kind == EditKind::kRetire) edits.retired.insert(name);
+    if (edit.kind == EditKind::kPosition || edit.kind == EditKind::kNewMode ||
+        edit.kind == EditKind::kControl || edit.kind == EditKind::kSplit) {
+      edits.placed.insert(name);
+    }
     if (edit.kind == EditKind::kRate) {
       StatedRate& rate = edits.rates[name];
       rate.jumps += edit.weight;

@@ -18,6 +18,8 @@ namespace shiftmap {
 struct BuildEdits {
   std::map<Signature, Signature> aliases;  ///< Former names, each with the map's.
   std::set<Signature> retired;  ///< By the map's names: what logs see of them is ignored.
+  std::set<Signature>
+      placed;  ///< By the map's names: somebody said where a mode is, or that two are.
   std::vector<ControlPoint> control_points;
   std::map<Signature, StatedRate> rates;
 

@@ -16,6 +16,7 @@
 #include "mapper/cli/run_copies.h"
 #include "mapper/cli/run_loader.h"
 #include "mapper/map_edits.h"
+#include "mapper/modes/mode_merging.h"
 #include "mapper/selection/selector.h"
 #include "mapper/tree/tree_builder.h"
 #include "mapstore/cli/stop_signals.h"
@@ -285,6 +286,9 @@ StatusOr<AreaBuild> MakeAreaBuild(const AreaBuildOptions& options, Context& cont
   SHIFTMAP_RETURN_IF_ERROR(LoadMemory(options, runs.inputs, context, &prior));
   SHIFTMAP_ASSIGN_OR_RETURN(const MapperOptions mapper_options,
                             MakeMapperOptions(options, prior, now));
+  const int merged =
+      prior.content ? MergeModesOfPrior(mapper_options.modes, prior.edits.placed, &*prior.content)
+                    : 0;
   AreaBuild build;
   if (options.engine != "tree") WarnOfMoving(runs.inputs, mapper_options.front_end, context);
   build.at_two_places = AtTwoPlaces(runs.inputs, prior.known_runs);
@@ -311,6 +315,7 @@ StatusOr<AreaBuild> MakeAreaBuild(const AreaBuildOptions& options, Context& cont
   }
   SHIFTMAP_RETURN_IF_ERROR(result.status());
   build.result = *std::move(result);
+  build.result.modes_merged += merged;
   HoldControlPoints(prior.edits, &build.result);
   build.dropped = std::move(runs.dropped);
   std::vector<RejectedRun>& rejected = build.result.rejected;

@@ -1,10 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "mapper/modes/mode_merging.h"
-#include "mapper/state/sightings.h"
 
 #include <algorithm>
+#include <optional>
+#include <utility>
 
+#include "mapper/state/sightings.h"
 #include "mapstore/geometry/covariance.h"
+#include "mapstore/map/edited_map.h"
+#include "proto/core/check.h"
 
 namespace shiftmap {
 namespace {
@@ -90,6 +94,62 @@ std::ptrdiff_t CountInliers(const BuildState& build, const VisitRef& ref) {
   });
 }
 
+// A mode of a map.
+struct PlacedMode {
+  const Mode* mode;
+  int row;  // In the covariance of the map.
+};
+
+bool AreOnePlace(const ModeOptions& options,
+                 const PlacedMode& a,
+                 const PlacedMode& b,
+                 const JointCovariance& covariance) {
+  const double near = options.position_floor_m;
+  if ((a.mode->p_map_landmark - b.mode->p_map_landmark).norm() > near) return false;
+  const Eigen::Matrix2d cross = covariance.Block(a.row, b.row);
+  const Eigen::Matrix2d of_difference =
+      covariance.Block(a.row, a.row) + covariance.Block(b.row, b.row) - cross - cross.transpose();
+  return 0.5 * of_difference.trace() <= near * near;
+}
+
+// Two modes of a group that are one place, the one that stands for both first; or nothing.
+// @param first_row  Of the group.
+std::optional<std::pair<const Mode*, const Mode*>> FindOnePlace(const ModeOptions& options,
+                                                                const LandmarkGroup& group,
+                                                                int first_row,
+                                                                const JointCovariance& covariance) {
+  for (std::size_t j = 1; j < group.modes.size(); ++j) {
+    for (std::size_t i = 0; i < j; ++i) {
+      const PlacedMode a{&group.modes[i], first_row + static_cast<int>(i)};
+      const PlacedMode b{&group.modes[j], first_row + static_cast<int>(j)};
+      if (!AreOnePlace(options, a, b, covariance)) continue;
+      const bool a_stays =
+          covariance.Block(a.row, a.row).trace() <= covariance.Block(b.row, b.row).trace();
+      return a_stays ? std::pair(a.mode, b.mode) : std::pair(b.mode, a.mode);
+    }
+  }
+  return std::nullopt;
+}
+
+// The next merge in a prior map, or nothing.
+std::optional<MapEdit> FindMergeOfPrior(const ModeOptions& options,
+                                        const std::set<Signature>& except,
+                                        const MapContent& prior) {
+  int row = 0;
+  for (const LandmarkGroup& group : prior.groups) {
+    const auto pair = FindOnePlace(options, group, row, prior.covariance);
+    row += static_cast<int>(group.modes.size());
+    if (!pair || except.contains(group.signature)) continue;
+    MapEdit merge;
+    merge.kind = EditKind::kMerge;
+    merge.landmark = group.signature;
+    merge.into = pair->first->number;
+    merge.mode = pair->second->number;
+    return merge;
+  }
+  return std::nullopt;
+}
+
 void ApplyMerges(const IndexedVector<GroupIndex, std::vector<VisitRef>>& by_group,
                  const std::vector<ModeMerge>& merges,
                  BuildState* build) {
@@ -121,6 +181,19 @@ std::vector<ModeMerge> FindMerges(const ModeOptions& options,
         gone[b] = true;
       }
     }
+  }
+  return merges;
+}
+
+int MergeModesOfPrior(const ModeOptions& options,
+                      const std::set<Signature>& except,
+                      MapContent* prior) {
+  int merges = 0;
+  while (const std::optional<MapEdit> merge = FindMergeOfPrior(options, except, *prior)) {
+    EditedMap merged(std::move(*prior), {});
+    SHIFTMAP_CHECK(merged.Apply(*merge).ok(), "'{}'", merge->landmark.text());
+    *prior = merged.content();
+    ++merges;
   }
   return merges;
 }

@@ -3,12 +3,14 @@
 
 #include <cstddef>
 #include <map>
+#include <set>
 #include <vector>
 
 #include "mapper/covariance/mode_covariance.h"
 #include "mapper/mapper_options.h"
 #include "mapper/state/build_state.h"
 #include "mapper/state/visit_ref.h"
+#include "mapstore/map/map_snapshot.h"
 
 namespace shiftmap {
 
@@ -27,6 +29,15 @@ struct ModeMerge {
 std::vector<ModeMerge> FindMerges(const ModeOptions& options,
                                   const ModeDifferences& differences,
                                   const BuildState& build);
+
+/// Merges modes of a prior map that builds have found to be one place since they were made: nearer
+/// to each other than ModeOptions::position_floor_m, by a difference that is known as well. The one
+/// that is known better stands for both, of equals the one with the lower number. Returns how many
+/// went.
+/// @param except  Landmarks whose modes stay as they are.
+int MergeModesOfPrior(const ModeOptions& options,
+                      const std::set<Signature>& except,
+                      MapContent* prior);
 
 /// Remembers which modes of a group were merged in which of its states. A visit that is told apart
 /// from a mode by its likelihood, but whose mode is not, would have it made and merged for ever.

@@ -5,6 +5,7 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <iterator>
@@ -14,6 +15,8 @@
 #include <utility>
 #include <vector>
 
+#include "mapstore/map/edited_map.h"
+#include "mapstore/map_store.h"
 #include "mapstore/sqlite/database.h"
 #include "tests/scenario/command.h"
 #include "tests/scenario/well_formed.h"
@@ -274,6 +277,48 @@ TEST_F(EditScenarioTest, ASplitModeStaysTwoInBuilds) {
   Build(kEdited, {1, 2});
   Build(kPlain, {1, 2});
   EXPECT_EQ(Groups(kEdited).size(), Groups(kPlain).size());
+  const Json verified =
+      RunForJson("shiftmap-inspect", {"verify", "--store", world_->File(kEdited)});
+  EXPECT_EQ(verified["defects"], 0);
+}
+
+// As after a night that took a landmark for displaced and the nights that followed. Nobody said
+// that these are two places.
+TEST_F(EditScenarioTest, TwoModesAtOnePlaceAreOneInTheNextBuild) {
+  std::string signature;
+  {
+    MapStore store = *MapStore::Open(world_->File(kEdited), MapStore::Access::kReadWrite);
+    EditedMap map(store.LoadVersion("floor", VersionNumber(1))->content(), {});
+    const std::vector<LandmarkGroup>& groups = map.content().groups;
+    const auto known_best = std::min_element(groups.begin(), groups.end(), [](auto& a, auto& b) {
+      return a.modes[0].cov_p_map_landmark.trace() < b.modes[0].cov_p_map_landmark.trace();
+    });
+    signature = known_best->signature.text();
+    MapEdit twice;
+    twice.kind = EditKind::kNewMode;
+    twice.landmark = known_best->signature;
+    twice.p_map_landmark = known_best->modes[0].p_map_landmark + Eigen::Vector2d(0.03, 0.0);
+    twice.sd_m = 0.02;
+    ASSERT_THAT(map.Complete(&twice), IsOk());
+    ASSERT_THAT(map.Apply(twice), IsOk());
+    CommitOptions options;
+    options.parent = VersionNumber(1);
+    options.states_probabilities = false;
+    ASSERT_THAT(store.Commit("floor", map.content(), {}, options), IsOk());
+  }
+  ASSERT_EQ(Group(kEdited, signature)["modes"].size(),
+            Group(kPlain, signature)["modes"].size() + 1);
+  EXPECT_EQ(Build(kEdited, {1})["modes_merged"], 1);
+  Build(kPlain, {1});
+  const Json group = Group(kEdited, signature);
+  const Json plain = Group(kPlain, signature);
+  ASSERT_EQ(group["modes"].size(), plain["modes"].size());
+  EXPECT_EQ(group["modes_merged"].size(), 1U);
+  const Json& mode = group["modes"].back();
+  const Json& alone = plain["modes"].back();
+  EXPECT_NEAR(mode["probability"].get<double>(), alone["probability"].get<double>(), 0.02);
+  EXPECT_NEAR(mode["x_m"].get<double>(), alone["x_m"].get<double>(), 0.05);
+  EXPECT_NEAR(mode["y_m"].get<double>(), alone["y_m"].get<double>(), 0.05);
   const Json verified =
       RunForJson("shiftmap-inspect", {"verify", "--store", world_->File(kEdited)});
   EXPECT_EQ(verified["defects"], 0);

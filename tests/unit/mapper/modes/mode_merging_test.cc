@@ -55,6 +55,49 @@ TEST(MergeMemory, MergesModesThatAreOnePlace) {
   for (const VisitRef& ref : *busiest) EXPECT_EQ(AssignmentOf(build, ref), GroupModeIndex(0));
 }
 
+// A landmark with two modes, each known to 0.4 m, that differ by 0.03 m.
+MapContent OneLandmark(const Eigen::Vector2d& apart, double sd_difference_m) {
+  MapContent content;
+  LandmarkGroup group;
+  group.signature = Signature("A");
+  const Eigen::Matrix2d known = 0.16 * Eigen::Matrix2d::Identity();
+  const Eigen::Matrix2d better = 0.15 * Eigen::Matrix2d::Identity();
+  group.modes = {{ModeNumber(2), {1.0, 2.0}, known, {}}, {ModeNumber(5), {1.0, 2.0}, better, {}}};
+  group.modes[1].p_map_landmark += apart;
+  group.chain = ModeChain::Uniform(2, 1e-5);
+  group.probabilities = Eigen::Vector3d(0.1, 0.3, 0.6);
+  content.groups = {group};
+  const double cross = 0.5 * (0.31 - sd_difference_m * sd_difference_m);
+  content.covariance =
+      JointCovariance({known, better}, {{0, 1, cross * Eigen::Matrix2d::Identity()}});
+  content.stamp = StampFromSeconds(1.7e9);
+  return content;
+}
+
+TEST(MergeModesOfPrior, TheBetterKnownOfTwoAtOnePlaceStandsForBoth) {
+  MapContent content = OneLandmark({0.03, 0.0}, 0.01);
+  ASSERT_TRUE(ValidateMapContent(content).ok());
+  EXPECT_EQ(MergeModesOfPrior({}, {}, &content), 1);
+  EXPECT_TRUE(ValidateMapContent(content).ok());
+  const LandmarkGroup& group = content.groups[0];
+  ASSERT_EQ(group.modes.size(), 1U);
+  EXPECT_EQ(group.modes[0].number, ModeNumber(5));
+  ASSERT_EQ(group.merged.size(), 1U);
+  EXPECT_EQ(group.merged[0].number, ModeNumber(2));
+  EXPECT_EQ(group.merged[0].into, ModeNumber(5));
+  EXPECT_NEAR(group.probabilities(1), 0.9, 1e-12);
+  EXPECT_EQ(MergeModesOfPrior({}, {}, &content), 0);
+}
+
+TEST(MergeModesOfPrior, WhatMayBeTwoPlacesStays) {
+  MapContent apart = OneLandmark({0.1, 0.0}, 0.01);
+  EXPECT_EQ(MergeModesOfPrior({}, {}, &apart), 0);
+  MapContent vague = OneLandmark({0.03, 0.0}, 0.1);
+  EXPECT_EQ(MergeModesOfPrior({}, {}, &vague), 0);
+  MapContent stated = OneLandmark({0.03, 0.0}, 0.01);
+  EXPECT_EQ(MergeModesOfPrior({}, {Signature("A")}, &stated), 0);
+}
+
 TEST(DropUnusedModes, ModesOfThePriorMapStayThoughNothingHoldsThere) {
   const SimulatedWorld world = testing::StaticWorld(1);
   const MappingRun run = testing::Arrange(world, world.runs[0].run);
