@@ -37,18 +37,18 @@ struct ServerArguments {
   std::string crl;
   bool plain_text = false;
   std::optional<std::string> metrics;
-  double max_message_mb = 8.0;
-  double max_log_mb = 4096.0;
-  double vehicle_quota_mb = 51'200.0;
-  double logs_quota_mb = 512'000.0;
-  double keep_free_mb = 1024.0;
+  double max_message_mib = 8.0;
+  double max_log_mib = 4096.0;
+  double vehicle_quota_mib = 51'200.0;
+  double logs_quota_mib = 512'000.0;
+  double keep_free_mib = 1024.0;
   double abandoned_upload_days = 7.0;
   double keep_snapshots_h = 24.0;
   double grace_s = 10.0;
 };
 
 constexpr double kMib = 1048576.0;
-constexpr double kMostMb = 1e9;
+constexpr double kMostMib = 1e9;
 
 std::int64_t ToBytes(double mb) { return static_cast<std::int64_t>(mb * kMib); }
 
@@ -90,11 +90,11 @@ StatusOr<MapServerOptions> ToOptions(const ServerArguments& arguments) {
         server::ParseListenAddress("--metrics-listen", *arguments.metrics, "127.0.0.1"));
   }
   if (options.snapshots.empty()) options.snapshots = options.store + ".snapshots";
-  options.max_message_bytes = ToBytes(arguments.max_message_mb);
-  options.uploads.max_log_bytes = ToBytes(arguments.max_log_mb);
-  options.uploads.max_client_bytes = ToBytes(arguments.vehicle_quota_mb);
-  options.uploads.max_folder_bytes = ToBytes(arguments.logs_quota_mb);
-  options.uploads.keep_free_bytes = ToBytes(arguments.keep_free_mb);
+  options.max_message_bytes = ToBytes(arguments.max_message_mib);
+  options.uploads.max_log_bytes = ToBytes(arguments.max_log_mib);
+  options.uploads.max_client_bytes = ToBytes(arguments.vehicle_quota_mib);
+  options.uploads.max_folder_bytes = ToBytes(arguments.logs_quota_mib);
+  options.uploads.keep_free_bytes = ToBytes(arguments.keep_free_mib);
   options.uploads.abandoned_s = kSecondsPerDay * arguments.abandoned_upload_days;
   options.keep_snapshots_s = 3600.0 * arguments.keep_snapshots_h;
   return options;
@@ -190,7 +190,7 @@ void AddFolderOptions(ServerArguments* arguments, Command* command) {
 
 void AddLimitOptions(ServerArguments* arguments, Command* command) {
   MapServerOptions& options = arguments->options;
-  command->Option("--max-message-mb", &arguments->max_message_mb, "Largest message [MiB]")
+  command->Option("--max-message-mib", &arguments->max_message_mib, "Largest message [MiB]")
       .InRange(0.1, 64.0)
       .Option(
           "--calls-per-s", &options.calls_per_s, "Calls of one client, twice as many at once [1/s]")
@@ -203,15 +203,16 @@ void AddLimitOptions(ServerArguments* arguments, Command* command) {
               &options.max_streams_per_client,
               "Transfers, and as many watches, of one client at a time")
       .InRange(1, 1024)
-      .Option("--max-log-mb", &arguments->max_log_mb, "Largest run log [MiB]")
-      .InRange(1, kMostMb)
-      .Option("--vehicle-quota-mb", &arguments->vehicle_quota_mb, "Run logs of one vehicle [MiB]")
-      .InRange(1, kMostMb)
-      .Option("--logs-quota-mb", &arguments->logs_quota_mb, "All run logs [MiB]")
-      .InRange(1, kMostMb)
-      .Option(
-          "--keep-free-mb", &arguments->keep_free_mb, "Space that uploads leave on the disk [MiB]")
-      .InRange(0, kMostMb)
+      .Option("--max-log-mib", &arguments->max_log_mib, "Largest run log [MiB]")
+      .InRange(1, kMostMib)
+      .Option("--vehicle-quota-mib", &arguments->vehicle_quota_mib, "Run logs of one vehicle [MiB]")
+      .InRange(1, kMostMib)
+      .Option("--logs-quota-mib", &arguments->logs_quota_mib, "All run logs [MiB]")
+      .InRange(1, kMostMib)
+      .Option("--keep-free-mib",
+              &arguments->keep_free_mib,
+              "Space that uploads leave on the disk [MiB]")
+      .InRange(0, kMostMib)
       .Option("--abandoned-upload-days",
               &arguments->abandoned_upload_days,
               "After which a part of a run log is removed [days]")

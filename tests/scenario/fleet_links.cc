@@ -61,7 +61,7 @@ void RestartedServer::Start() {
                                logs_,
                                "--snapshot-interval-s",
                                "5",
-                               "--keep-free-mb",
+                               "--keep-free-mib",
                                "0",
                                // In plain text all are one client.
                                "--calls-per-s",
