@@ -141,6 +141,21 @@ TEST_F(ServiceEndTest, AFullDiskIsWaitedFor) {
   Stop(&service);
 }
 
+TEST_F(ServiceEndTest, AFullDiskIsNamedOnceAShift) {
+  Service service = OpenedWithClocks();
+  for (std::size_t shift = 1; shift <= 2; ++shift) {
+    ASSERT_THAT(Do(&service, Start()), IsOk());
+    for (std::size_t begin = 0; begin < 50; begin += 10) {
+      const FullDisk full;
+      EXPECT_EQ(FeedAtPace(&service, begin, begin + 10, kNone, kNone), 0);
+      service.WriteJournal();
+    }
+    EXPECT_EQ(warnings_.size(), shift);
+    EXPECT_NE(warnings_.back().find("shift.journal': cannot write"), std::string::npos);
+    Stop(&service);
+  }
+}
+
 TEST_F(ServiceEndTest, APoseThatCannotBeSavedDoesNotKeepTheShift) {
   Service service = OpenedWithClocks();
   ASSERT_THAT(Do(&service, Start()), IsOk());
