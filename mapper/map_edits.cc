@@ -7,8 +7,26 @@
 #include "mapstore/map/frame_change.h"
 
 namespace shiftmap {
+namespace {
 
-BuildEdits MakeBuildEdits(const std::vector<MapEdit>& held) {
+// Whether an edit says where modes of its landmark are, as long as it holds.
+bool StatesPlaces(const MapEdit& edit) {
+  switch (edit.kind) {
+    case EditKind::kPosition:
+    case EditKind::kNewMode:
+    case EditKind::kControl:
+    case EditKind::kSplit:
+      return !edit.undone;
+    case EditKind::kMerge:
+      return edit.undone.has_value();
+    default:
+      return false;
+  }
+}
+
+}  // namespace
+
+BuildEdits MakeBuildEdits(const std::vector<MapEdit>& held, const std::vector<MapEdit>& all) {
   const LandmarkNames names(held);
   BuildEdits edits;
   edits.aliases = names.Aliases();
@@ -22,10 +40,6 @@ BuildEdits MakeBuildEdits(const std::vector<MapEdit>& held) {
     if (edit.undone && !names_modes) continue;
     in_force.push_back(edit);
     if (edit.kind == EditKind::kRetire) edits.retired.insert(name);
-    if (edit.kind == EditKind::kPosition || edit.kind == EditKind::kNewMode ||
-        edit.kind == EditKind::kControl || edit.kind == EditKind::kSplit) {
-      edits.placed.insert(name);
-    }
     if (edit.kind == EditKind::kRate) {
       StatedRate& rate = edits.rates[name];
       rate.jumps += edit.weight;
@@ -33,6 +47,9 @@ BuildEdits MakeBuildEdits(const std::vector<MapEdit>& held) {
     }
   }
   edits.control_points = ControlPointsOf(in_force);
+  for (const MapEdit& edit : all) {
+    if (StatesPlaces(edit)) edits.placed.insert(names.Name(edit.landmark));
+  }
   return edits;
 }
 

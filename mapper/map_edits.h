@@ -18,8 +18,6 @@ namespace shiftmap {
 struct BuildEdits {
   std::map<Signature, Signature> aliases;  ///< Former names, each with the map's.
   std::set<Signature> retired;  ///< By the map's names: what logs see of them is ignored.
-  std::set<Signature>
-      placed;  ///< By the map's names: somebody said where a mode is, or that two are.
   std::vector<ControlPoint> control_points;
   std::map<Signature, StatedRate> rates;
 
@@ -27,10 +25,15 @@ struct BuildEdits {
   std::set<Signature> relearned;
 
   std::vector<EditId> undone_rates;  ///< That nothing rests on once they are.
+
+  /// Landmarks of which somebody stated where a mode is, or that two modes are two places: by a
+  /// split, or a merge that was taken back.
+  std::set<Signature> placed;
 };
 
 /// @param held  The edits that the prior map holds, by id.
-BuildEdits MakeBuildEdits(const std::vector<MapEdit>& held);
+/// @param all   Those of the area.
+BuildEdits MakeBuildEdits(const std::vector<MapEdit>& held, const std::vector<MapEdit>& all);
 
 /// Gives what logs saw the map's names, and leaves out what was retired.
 void FollowEdits(const BuildEdits& edits, std::vector<MapperInput>* inputs);

@@ -74,7 +74,7 @@ Status MapStore::State::HoldIfBeforeItsMap(const ShiftReport& report,
   Exclusion hold;
   hold.run = LowerCaseUuid(report.run_uuid.empty() ? report.uuid : report.run_uuid);
   hold.held = true;
-  hold.excluded = clock();
+  hold.excluded = inserted->received;
   hold.reason = fmt::format(
       "its clock is behind: it ends at {} UTC, and was driven on version {}, which is of {} UTC",
       FormatUtc(end),
@@ -84,7 +84,10 @@ Status MapStore::State::HoldIfBeforeItsMap(const ShiftReport& report,
   SHIFTMAP_ASSIGN_OR_RETURN(const bool included, WasIncluded(database, area_id, hold.run));
   if (included) return OkStatus();
   SHIFTMAP_ASSIGN_OR_RETURN(const bool added, InsertExclusion(database, area_id, hold));
-  return added ? NoteExclusion(area_id, hold, inserted) : OkStatus();
+  if (!added) return OkStatus();
+  SHIFTMAP_ASSIGN_OR_RETURN(const bool known, IsKnownOtherwise(database, inserted->report_id));
+  if (known) inserted->changed_from = Stamp::min();
+  return AuditExclusion(area_id, hold);
 }
 
 Status MapStore::State::ExcludeIfExpected(const ShiftReport& report,
@@ -92,15 +95,15 @@ Status MapStore::State::ExcludeIfExpected(const ShiftReport& report,
                                           InsertedReport* inserted) {
   SHIFTMAP_ASSIGN_OR_RETURN(
       const std::optional<Exclusion> exclusion,
-      ExcludeRunOfReport(database, area_id, LowerCaseUuid(report.uuid), inserted->run, clock()));
-  return exclusion ? NoteExclusion(area_id, *exclusion, inserted) : OkStatus();
+      ExcludeRunOfReport(
+          database, area_id, LowerCaseUuid(report.uuid), inserted->run, inserted->received));
+  if (!exclusion) return OkStatus();
+  // It takes out all that is known of the run.
+  inserted->changed_from = Stamp::min();
+  return AuditExclusion(area_id, *exclusion);
 }
 
-Status MapStore::State::NoteExclusion(std::int64_t area_id,
-                                      const Exclusion& exclusion,
-                                      InsertedReport* inserted) {
-  SHIFTMAP_ASSIGN_OR_RETURN(const bool known, IsKnownOtherwise(database, inserted->report_id));
-  if (known) inserted->changed_from = Stamp::min();
+Status MapStore::State::AuditExclusion(std::int64_t area_id, const Exclusion& exclusion) {
   return InsertAudit(database,
                      area_id,
                      exclusion.held ? AuditAction::kHold : AuditAction::kExclude,

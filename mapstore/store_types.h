@@ -67,7 +67,7 @@ struct Exclusion {
 
 /// The first exclusion that is about a run, or null. In the order of MapStore::Exclusions, a hold
 /// hides no exclusion.
-/// @param run     RunRecord::identity, or UUID of the report of a shift that left no log.
+/// @param run     RunRecord::identity, or ReportSummary::run.
 /// @param sha256  Of its log, by which it may have been excluded before anything else of it was
 ///                known; empty if it left none.
 const Exclusion* FindExclusion(const std::vector<Exclusion>& exclusions,
@@ -217,7 +217,7 @@ struct StoreChanges {
 /// A shift report in the ledger, and what it means for one map version.
 struct ReportSummary {
   std::string uuid;
-  std::string run;  ///< Identity of its run; of a shift that left no log, `uuid`.
+  std::string run;  ///< Identity of its run: its UUID, else the hash of its log, else `uuid`.
   std::string vehicle;
   VersionNumber version;  ///< The one driven on.
   std::string run_hash;

@@ -27,7 +27,8 @@ constexpr double kMissed = 3.0;
 constexpr int kMissedMore = 2;
 constexpr Duration kLately = std::chrono::seconds(30);
 
-// Landmarks that another pose must explain more: two fit some pose or other, always.
+// Landmarks that another pose must explain more, by a few seconds of sightings: two fit some pose
+// or other, always.
 constexpr int kMinGain = 3;
 
 // A landmark of fewer sightings counts neither as standing nor as adrift. Of the landmarks adrift

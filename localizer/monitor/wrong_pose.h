@@ -25,7 +25,7 @@ struct PoseFault {
   /// Nothing: the pose is wrong.
   std::optional<PoseWithCovariance> rival = std::nullopt;
 
-  bool odometry = false;  ///< Is wrong too.
+  bool odometry = false;  ///< Odometry is wrong, and the pose with it.
 };
 
 /// Finds out that the vehicle is elsewhere: that odometry is wrong, or that one other pose explains
@@ -39,8 +39,8 @@ struct PoseFault {
 /// pose fits more than two of them but by chance. If the pose is wrong, one motion puts all of them
 /// back on modes of theirs, and takes those that agree off theirs. So another pose has to explain
 /// three landmarks more than agree with this one, be apart from it, and beat every third pose as
-/// FindGlobalStart() asks. That may also be so because a rack that moved pulled the pose along: it
-/// says nothing of odometry.
+/// FindGlobalStart() asks. A rack that moved and pulled the pose along has the same effect: a wrong
+/// pose does not show that odometry is wrong.
 ///
 /// Several that moved as one, as a rack does, are also explained by one motion. So if landmarks
 /// that agreed before have not turned, what is missed decides: one who is elsewhere misses what

@@ -32,7 +32,7 @@ Status TakeEditsIn(const AreaBuildOptions& options,
   }
   SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<MapEdit> held,
                             store->EditsOf(options.area, *prior->version));
-  prior->edits = MakeBuildEdits(held);
+  prior->edits = MakeBuildEdits(held, edits);
   return OkStatus();
 }
 

@@ -105,11 +105,15 @@ bool AreOnePlace(const ModeOptions& options,
                  const PlacedMode& b,
                  const JointCovariance& covariance) {
   const double near = options.position_floor_m;
-  if ((a.mode->p_map_landmark - b.mode->p_map_landmark).norm() > near) return false;
+  const Eigen::Vector2d difference = a.mode->p_map_landmark - b.mode->p_map_landmark;
+  const bool stated = a.mode->last_seen == Stamp() || b.mode->last_seen == Stamp();
+  if (stated || difference.norm() > near) return false;
   const Eigen::Matrix2d cross = covariance.Block(a.row, b.row);
   const Eigen::Matrix2d of_difference =
       covariance.Block(a.row, a.row) + covariance.Block(b.row, b.row) - cross - cross.transpose();
-  return 0.5 * of_difference.trace() <= near * near;
+  return 0.5 * of_difference.trace() <= near * near &&
+         SquaredMahalanobis(difference, of_difference) <=
+             ChiSquareQuantile(options.merge_probability, 2);
 }
 
 // Two modes of a group that are one place, the one that stands for both first; or nothing.
@@ -191,7 +195,8 @@ int MergeModesOfPrior(const ModeOptions& options,
   int merges = 0;
   while (const std::optional<MapEdit> merge = FindMergeOfPrior(options, except, *prior)) {
     EditedMap merged(std::move(*prior), {});
-    SHIFTMAP_CHECK(merged.Apply(*merge).ok(), "'{}'", merge->landmark.text());
+    const Status applied = merged.Apply(*merge);
+    SHIFTMAP_CHECK(applied.ok(), "'{}': {}", merge->landmark.text(), Message(applied));
     *prior = merged.content();
     ++merges;
   }

@@ -30,10 +30,11 @@ std::vector<ModeMerge> FindMerges(const ModeOptions& options,
                                   const ModeDifferences& differences,
                                   const BuildState& build);
 
-/// Merges modes of a prior map that builds have found to be one place since they were made: nearer
-/// to each other than ModeOptions::position_floor_m, by a difference that is known as well. The one
-/// that is known better stands for both, of equals the one with the lower number. Returns how many
-/// went.
+/// Merges modes of a prior map that nothing tells apart any more: a run may have been deformed when
+/// one of them was made. They are nearer to each other than ModeOptions::position_floor_m, their
+/// difference is known as exactly, and it is not significant. The one that is known better stands
+/// for both, of equals the one with the lower number. A mode that no run has met was stated, and
+/// stays. Returns how many went.
 /// @param except  Landmarks whose modes stay as they are.
 int MergeModesOfPrior(const ModeOptions& options,
                       const std::set<Signature>& except,

@@ -94,6 +94,7 @@ StatusOr<std::optional<Exclusion>> ExcludeRunOfReport(Database& database,
   });
   if (found == exclusions.end()) return std::optional<Exclusion>();
   Exclusion exclusion = *found;
+  SHIFTMAP_RETURN_IF_ERROR(EndExclusion(database, area_id, exclusion, received).status());
   exclusion.run = run;
   exclusion.excluded = received;
   SHIFTMAP_ASSIGN_OR_RETURN(const bool added, InsertExclusion(database, area_id, exclusion));

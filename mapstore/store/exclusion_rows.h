@@ -30,7 +30,7 @@ StatusOr<bool> EndExclusion(Database& database,
                             Stamp ended);
 
 /// An exclusion of a report by its UUID that was made before the report came is one of the report's
-/// run from now on. Returns it if there is one, and none of the run yet.
+/// run from then on. Returns it if there is one, and none of the run yet.
 StatusOr<std::optional<Exclusion>> ExcludeRunOfReport(Database& database,
                                                       std::int64_t area_id,
                                                       const std::string& uuid,

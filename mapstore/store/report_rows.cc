@@ -204,6 +204,7 @@ StatusOr<InsertedReport> InsertReport(Database& database,
   SHIFTMAP_RETURN_IF_ERROR(row.Execute());
   inserted.report_id = database.LastInsertRowId();
   inserted.run = identity;
+  inserted.received = received;
   SHIFTMAP_RETURN_IF_ERROR(OrderAmongSameRun(database, &inserted));
   SHIFTMAP_RETURN_IF_ERROR(InsertMappedReports(database, "r.report_id = ?1", inserted.report_id));
   SHIFTMAP_RETURN_IF_ERROR(

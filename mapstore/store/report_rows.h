@@ -34,6 +34,7 @@ StatusOr<bool> HasReport(Database& database, const std::string& uuid);
 struct InsertedReport {
   std::int64_t report_id = 0;
   std::string run;  ///< ReportSummary::run.
+  Stamp received;
 
   /// Begin of the first visit that it may make count, or no longer count, for some version: its
   /// own, or one of the reports about its run that it comes before. Nothing without evidence.

@@ -112,8 +112,7 @@ struct MapStore::State {
                             const Reportable& reported,
                             InsertedReport* inserted);
 
-  /// Audits the exclusion of an inserted report's run, and adds what it changes to changed_from.
-  Status NoteExclusion(std::int64_t area_id, const Exclusion& exclusion, InsertedReport* inserted);
+  Status AuditExclusion(std::int64_t area_id, const Exclusion& exclusion);
 
   /// Excludes the run of a report that was excluded before it came.
   Status ExcludeIfExpected(const ShiftReport& report,

@@ -302,6 +302,43 @@ TEST(Localizer, ALostVehicleSaysSoAndFindsItself) {
   EXPECT_LT(error.norm(), 0.5);
 }
 
+// A vehicle that was carried is lost for a while, and its odometry is as good as before. One whose
+// wheels are no longer counted drives on without odometry.
+TEST(Localizer, OnlyOdometryThatLandmarksContradictLosesItsTrust) {
+  const MapContent content = MakeTwoModeMap(15, 14.0, 21);
+  const auto truth = PositionsOf(content, std::vector<int>(content.groups.size(), 1));
+  SimulationOptions simulation;
+  const SimulatedRun before = Simulate(content, truth, simulation);
+  simulation.seed = 2;
+  simulation.T_map_start = before.T_map_vehicle.back();
+  for (const bool carried : {true, false}) {
+    if (carried) simulation.T_map_start = simulation.T_map_start * Se2(1.0, 0.5, 0.3);
+    SimulatedRun after = Simulate(content, truth, simulation);
+    if (carried) simulation.T_map_start = before.T_map_vehicle.back();
+    const Duration later = EndOf(before.run) - BeginOf(after.run) + FromSeconds(0.05);
+    for (OdometrySample& sample : after.run.odometry) {
+      sample.stamp += later;
+      if (!carried) sample.v_mps = sample.omega_radps = 0.0;
+    }
+    for (Scan& scan : after.run.scans) scan.stamp += later;
+    Localizer localizer(Snapshot(content), AtPose(before.T_map_vehicle.front()));
+    bool trusted = true;
+    bool lost = false;
+    for (const shiftmap::Run& part : {before.run, after.run}) {
+      EXPECT_TRUE(trusted);
+      const Status driven = ForEachEvent(part, [&](const RunEvent& event) {
+        const Status status = localizer.Process(event);
+        trusted = trusted && localizer.odometry_trusted();
+        lost = lost || localizer.state() == LocalizerState::kLost;
+        return status;
+      });
+      ASSERT_TRUE(driven.ok()) << Message(driven);
+    }
+    EXPECT_TRUE(lost);
+    EXPECT_EQ(trusted, carried);
+  }
+}
+
 // Given at a pose that is wrong, a vehicle takes landmarks for others until nothing fits any more.
 // The fleet hears nothing of what it concluded by then, but where by chance all that was in view
 // confirmed that pose: without that rule, 79 of the decisions are wrong.

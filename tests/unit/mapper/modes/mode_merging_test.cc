@@ -71,11 +71,12 @@ MapContent OneLandmark(const Eigen::Vector2d& apart, double sd_difference_m) {
   content.covariance =
       JointCovariance({known, better}, {{0, 1, cross * Eigen::Matrix2d::Identity()}});
   content.stamp = StampFromSeconds(1.7e9);
+  for (Mode& mode : content.groups[0].modes) mode.last_seen = content.stamp;
   return content;
 }
 
 TEST(MergeModesOfPrior, TheBetterKnownOfTwoAtOnePlaceStandsForBoth) {
-  MapContent content = OneLandmark({0.03, 0.0}, 0.01);
+  MapContent content = OneLandmark({0.03, 0.0}, 0.02);
   ASSERT_TRUE(ValidateMapContent(content).ok());
   EXPECT_EQ(MergeModesOfPrior({}, {}, &content), 1);
   EXPECT_TRUE(ValidateMapContent(content).ok());
@@ -90,12 +91,24 @@ TEST(MergeModesOfPrior, TheBetterKnownOfTwoAtOnePlaceStandsForBoth) {
 }
 
 TEST(MergeModesOfPrior, WhatMayBeTwoPlacesStays) {
-  MapContent apart = OneLandmark({0.1, 0.0}, 0.01);
+  MapContent apart = OneLandmark({0.1, 0.0}, 0.05);
   EXPECT_EQ(MergeModesOfPrior({}, {}, &apart), 0);
   MapContent vague = OneLandmark({0.03, 0.0}, 0.1);
   EXPECT_EQ(MergeModesOfPrior({}, {}, &vague), 0);
-  MapContent stated = OneLandmark({0.03, 0.0}, 0.01);
-  EXPECT_EQ(MergeModesOfPrior({}, {Signature("A")}, &stated), 0);
+  MapContent excepted = OneLandmark({0.03, 0.0}, 0.02);
+  EXPECT_EQ(MergeModesOfPrior({}, {Signature("A")}, &excepted), 0);
+}
+
+// A rack that moved by few centimetres is told apart by what its landmarks have in common.
+TEST(MergeModesOfPrior, WhatTheMapTellsApartStays) {
+  MapContent content = OneLandmark({0.06, 0.0}, 0.007);
+  EXPECT_EQ(MergeModesOfPrior({}, {}, &content), 0);
+}
+
+TEST(MergeModesOfPrior, AModeThatNoRunHasMetStays) {
+  MapContent content = OneLandmark({0.03, 0.0}, 0.02);
+  content.groups[0].modes[0].last_seen = Stamp();
+  EXPECT_EQ(MergeModesOfPrior({}, {}, &content), 0);
 }
 
 TEST(DropUnusedModes, ModesOfThePriorMapStayThoughNothingHoldsThere) {

@@ -44,6 +44,7 @@ class StoreCommands : public ::testing::Test {
                 IsOk());
     ShiftReport report;
     report.uuid = "00000000-0000-4000-8000-000000000001";
+    report.run_uuid = "0f8fad5b-d9cb-469f-a165-70867728950e";
     report.vehicle = "truck";
     report.software = "test";
     report.area = "hall";
