@@ -26,7 +26,7 @@ bool StatesPlaces(const MapEdit& edit) {
 
 }  // namespace
 
-BuildEdits MakeBuildEdits(const std::vector<MapEdit>& held, const std::vector<MapEdit>& all) {
+BuildEdits MakeBuildEdits(const std::vector<MapEdit>& held) {
   const LandmarkNames names(held);
   BuildEdits edits;
   edits.aliases = names.Aliases();
@@ -47,10 +47,17 @@ BuildEdits MakeBuildEdits(const std::vector<MapEdit>& held, const std::vector<Ma
     }
   }
   edits.control_points = ControlPointsOf(in_force);
-  for (const MapEdit& edit : all) {
-    if (StatesPlaces(edit)) edits.placed.insert(names.Name(edit.landmark));
-  }
   return edits;
+}
+
+std::set<Signature> StatedPlaces(const std::vector<MapEdit>& edits,
+                                 const std::vector<MapEdit>& held) {
+  const LandmarkNames names(held);
+  std::set<Signature> landmarks;
+  for (const MapEdit& edit : edits) {
+    if (StatesPlaces(edit)) landmarks.insert(names.Name(edit.landmark));
+  }
+  return landmarks;
 }
 
 void FollowEdits(const BuildEdits& edits, std::vector<MapperInput>* inputs) {

@@ -25,15 +25,17 @@ struct BuildEdits {
   std::set<Signature> relearned;
 
   std::vector<EditId> undone_rates;  ///< That nothing rests on once they are.
-
-  /// Landmarks of which somebody stated where a mode is, or that two modes are two places: by a
-  /// split, or a merge that was taken back.
-  std::set<Signature> placed;
 };
 
 /// @param held  The edits that the prior map holds, by id.
-/// @param all   Those of the area.
-BuildEdits MakeBuildEdits(const std::vector<MapEdit>& held, const std::vector<MapEdit>& all);
+BuildEdits MakeBuildEdits(const std::vector<MapEdit>& held);
+
+/// Landmarks of which somebody stated where a mode is, or that two modes are two places: by a
+/// split, or a merge that was taken back.
+/// @param edits  Of the area, also those that no map holds.
+/// @param held   Edits that the map holds, by id: landmarks have their names.
+std::set<Signature> StatedPlaces(const std::vector<MapEdit>& edits,
+                                 const std::vector<MapEdit>& held);
 
 /// Gives what logs saw the map's names, and leaves out what was retired.
 void FollowEdits(const BuildEdits& edits, std::vector<MapperInput>* inputs);

@@ -236,10 +236,10 @@ class MapStore {
   /// they had never come, bit by bit. What a statement accounts for stays in it, and positions that
   /// were made from them stay in their versions (ExcludedRunsOf). An exclusion takes the
   /// place of a hold, since the earlier of the two times.
-  /// @param exclusion  Its run may be the first digits of what the store knows, or any name of a
-  /// run
-  ///                   that has not come yet. One of a report is one of the report's run, once that
-  ///                   has come.
+  /// @param exclusion  Its run may be the first digits of what the store knows, or the UUID or hash
+  ///                   of a run, or the UUID of a report, that the store does not know yet. An
+  ///                   exclusion of a report excludes the run of the report, at once or when the
+  ///                   report comes.
   /// Errors also: kInvalidArgument if it names neither or both, the run may be several, or there is
   /// no reason; kNotFound if the run is none; kAlreadyExists if it is excluded, or held, already.
   Status Exclude(const std::string& area, Exclusion exclusion, bool dry_run = false);

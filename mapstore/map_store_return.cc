@@ -72,7 +72,7 @@ Status MapStore::State::HoldIfBeforeItsMap(const ShiftReport& report,
     return OkStatus();
   }
   Exclusion hold;
-  hold.run = LowerCaseUuid(report.run_uuid.empty() ? report.uuid : report.run_uuid);
+  hold.run = inserted->run;
   hold.held = true;
   hold.excluded = inserted->received;
   hold.reason = fmt::format(
@@ -101,13 +101,6 @@ Status MapStore::State::ExcludeIfExpected(const ShiftReport& report,
   // It takes out all that is known of the run.
   inserted->changed_from = Stamp::min();
   return AuditExclusion(area_id, *exclusion);
-}
-
-Status MapStore::State::AuditExclusion(std::int64_t area_id, const Exclusion& exclusion) {
-  return InsertAudit(database,
-                     area_id,
-                     exclusion.held ? AuditAction::kHold : AuditAction::kExclude,
-                     fmt::format("run {}: {}", exclusion.run, exclusion.reason));
 }
 
 StatusOr<ReturnResult> MapStore::State::AddReport(const ShiftReport& report,

@@ -122,6 +122,12 @@ AuditAction ActionOf(NightNote note) {
   return AuditAction::kRefuse;
 }
 
+// As an audit entry and a message name it.
+std::string SubjectOf(const Exclusion& exclusion) {
+  return exclusion.vehicle.empty() ? fmt::format("run {}", exclusion.run)
+                                   : fmt::format("vehicle '{}'", exclusion.vehicle);
+}
+
 }  // namespace
 
 StatusOr<VersionRow> MapStore::State::AddVersion(std::int64_t area_id,
@@ -338,6 +344,20 @@ StatusOr<VersionNumber> MapStore::Rollback(const std::string& area,
   return at.number;
 }
 
+Status MapStore::State::AuditExclusion(std::int64_t area_id,
+                                       const Exclusion& exclusion,
+                                       bool included) {
+  const AuditAction action = included         ? AuditAction::kInclude
+                             : exclusion.held ? AuditAction::kHold
+                                              : AuditAction::kExclude;
+  const std::string subject = SubjectOf(exclusion);
+  return InsertAudit(
+      database,
+      area_id,
+      action,
+      exclusion.reason.empty() ? subject : fmt::format("{}: {}", subject, exclusion.reason));
+}
+
 Status MapStore::State::ChangeExclusion(const std::string& area,
                                         Exclusion exclusion,
                                         bool exclude,
@@ -353,9 +373,6 @@ Status MapStore::State::ChangeExclusion(const std::string& area,
   if (!exclusion.run.empty()) {
     SHIFTMAP_ASSIGN_OR_RETURN(exclusion.run, FindRun(database, area_row.area_id, exclusion.run));
   }
-  const std::string subject = exclusion.vehicle.empty()
-                                  ? fmt::format("run {}", exclusion.run)
-                                  : fmt::format("vehicle '{}'", exclusion.vehicle);
   if (dry_run) return OkStatus();
   const Stamp now = clock();
   exclusion.excluded = now;
@@ -366,7 +383,7 @@ Status MapStore::State::ChangeExclusion(const std::string& area,
       return MakeStatus(StatusCode::kAlreadyExists,
                         "{}: {}: is {} already",
                         AreaName(area),
-                        subject,
+                        SubjectOf(exclusion),
                         exclusion.held ? "excluded or held" : "excluded");
     }
   } else {
@@ -382,17 +399,13 @@ Status MapStore::State::ChangeExclusion(const std::string& area,
                                 EndExclusion(database, area_row.area_id, by_name, now));
       ended = ended || by_this;
     }
-    if (!ended) return NotFound("{}: {}: is neither excluded nor held", AreaName(area), subject);
+    if (!ended) {
+      return NotFound("{}: {}: is neither excluded nor held", AreaName(area), SubjectOf(exclusion));
+    }
   }
   SHIFTMAP_RETURN_IF_ERROR(
       DeleteCheckpointsAfter(database, area_row.area_id, Stamp::min()).status());
-  SHIFTMAP_RETURN_IF_ERROR(InsertAudit(
-      database,
-      area_row.area_id,
-      !exclude         ? AuditAction::kInclude
-      : exclusion.held ? AuditAction::kHold
-                       : AuditAction::kExclude,
-      exclusion.reason.empty() ? subject : fmt::format("{}: {}", subject, exclusion.reason)));
+  SHIFTMAP_RETURN_IF_ERROR(AuditExclusion(area_row.area_id, exclusion, !exclude));
   std::optional<VersionRow> published;
   if (area_row.published) {
     SHIFTMAP_ASSIGN_OR_RETURN(published, PublishedRow(area, area_row));

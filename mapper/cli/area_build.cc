@@ -287,7 +287,7 @@ StatusOr<AreaBuild> MakeAreaBuild(const AreaBuildOptions& options, Context& cont
   SHIFTMAP_ASSIGN_OR_RETURN(const MapperOptions mapper_options,
                             MakeMapperOptions(options, prior, now));
   const int merged =
-      prior.content ? MergeModesOfPrior(mapper_options.modes, prior.edits.placed, &*prior.content)
+      prior.content ? MergeModesOfPrior(mapper_options.modes, prior.stated_places, &*prior.content)
                     : 0;
   AreaBuild build;
   if (options.engine != "tree") WarnOfMoving(runs.inputs, mapper_options.front_end, context);

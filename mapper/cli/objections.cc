@@ -60,7 +60,7 @@ StatusOr<std::vector<std::string>> FindObjections(const std::string& area,
                                      NameOf(edit.kind),
                                      InertLine(of_vehicle ? edit.vehicle : edit.signature.text())));
   }
-  const Status fit = CheckControlPoints(MakeBuildEdits(held, {}).control_points, content);
+  const Status fit = CheckControlPoints(MakeBuildEdits(held).control_points, content);
   if (!fit.ok()) objections.push_back(Message(fit));
   return objections;
 }

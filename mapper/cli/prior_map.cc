@@ -32,7 +32,8 @@ Status TakeEditsIn(const AreaBuildOptions& options,
   }
   SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<MapEdit> held,
                             store->EditsOf(options.area, *prior->version));
-  prior->edits = MakeBuildEdits(held, edits);
+  prior->edits = MakeBuildEdits(held);
+  prior->stated_places = StatedPlaces(edits, held);
   return OkStatus();
 }
 

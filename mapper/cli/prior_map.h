@@ -2,6 +2,7 @@
 #pragma once
 
 #include <optional>
+#include <set>
 #include <vector>
 
 #include "mapper/cli/area_build.h"
@@ -20,6 +21,7 @@ struct PriorMap {
   std::optional<VersionNumber> published;  ///< Newer than `version` if it rests on excluded runs.
   std::optional<MapContent> content;
   BuildEdits edits;                   ///< In force.
+  std::set<Signature> stated_places;  ///< StatedPlaces(): no modes of these landmarks are merged.
   std::vector<LineRun> known_runs;    ///< Those that are in it already.
   std::vector<RunRecord> fallen_out;  ///< Of versions newer than `version`.
   std::vector<UnplacedRun> waiting;   ///< Of earlier builds.

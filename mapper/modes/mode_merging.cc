@@ -94,62 +94,43 @@ std::ptrdiff_t CountInliers(const BuildState& build, const VisitRef& ref) {
   });
 }
 
-// A mode of a map.
-struct PlacedMode {
-  const Mode* mode;
-  int row;  // In the covariance of the map.
-};
-
+// @param rows  Of a and b in the covariance of their map.
 bool AreOnePlace(const ModeOptions& options,
-                 const PlacedMode& a,
-                 const PlacedMode& b,
+                 const Mode& a,
+                 const Mode& b,
+                 const std::vector<int>& rows,
                  const JointCovariance& covariance) {
   const double near = options.position_floor_m;
-  const Eigen::Vector2d difference = a.mode->p_map_landmark - b.mode->p_map_landmark;
-  const bool stated = a.mode->last_seen == Stamp() || b.mode->last_seen == Stamp();
+  const Eigen::Vector2d difference = a.p_map_landmark - b.p_map_landmark;
+  const bool stated = a.last_seen == Stamp() || b.last_seen == Stamp();
   if (stated || difference.norm() > near) return false;
-  const Eigen::Matrix2d cross = covariance.Block(a.row, b.row);
-  const Eigen::Matrix2d of_difference =
-      covariance.Block(a.row, a.row) + covariance.Block(b.row, b.row) - cross - cross.transpose();
+  const Eigen::Matrix4d cov = covariance.Dense(rows);
+  const Eigen::Matrix2d of_difference = cov.topLeftCorner<2, 2>() + cov.bottomRightCorner<2, 2>() -
+                                        cov.topRightCorner<2, 2>() - cov.bottomLeftCorner<2, 2>();
   return 0.5 * of_difference.trace() <= near * near &&
          SquaredMahalanobis(difference, of_difference) <=
              ChiSquareQuantile(options.merge_probability, 2);
-}
-
-// Two modes of a group that are one place, the one that stands for both first; or nothing.
-// @param first_row  Of the group.
-std::optional<std::pair<const Mode*, const Mode*>> FindOnePlace(const ModeOptions& options,
-                                                                const LandmarkGroup& group,
-                                                                int first_row,
-                                                                const JointCovariance& covariance) {
-  for (std::size_t j = 1; j < group.modes.size(); ++j) {
-    for (std::size_t i = 0; i < j; ++i) {
-      const PlacedMode a{&group.modes[i], first_row + static_cast<int>(i)};
-      const PlacedMode b{&group.modes[j], first_row + static_cast<int>(j)};
-      if (!AreOnePlace(options, a, b, covariance)) continue;
-      const bool a_stays =
-          covariance.Block(a.row, a.row).trace() <= covariance.Block(b.row, b.row).trace();
-      return a_stays ? std::pair(a.mode, b.mode) : std::pair(b.mode, a.mode);
-    }
-  }
-  return std::nullopt;
 }
 
 // The next merge in a prior map, or nothing.
 std::optional<MapEdit> FindMergeOfPrior(const ModeOptions& options,
                                         const std::set<Signature>& except,
                                         const MapContent& prior) {
-  int row = 0;
+  int row = 0;  // Of mode b in the covariance.
   for (const LandmarkGroup& group : prior.groups) {
-    const auto pair = FindOnePlace(options, group, row, prior.covariance);
-    row += static_cast<int>(group.modes.size());
-    if (!pair || except.contains(group.signature)) continue;
-    MapEdit merge;
-    merge.kind = EditKind::kMerge;
-    merge.landmark = group.signature;
-    merge.into = pair->first->number;
-    merge.mode = pair->second->number;
-    return merge;
+    for (auto b = group.modes.begin(); b != group.modes.end(); ++b, ++row) {
+      for (auto a = group.modes.begin(); a != b && !except.contains(group.signature); ++a) {
+        const int row_a = row - static_cast<int>(b - a);
+        if (!AreOnePlace(options, *a, *b, {row_a, row}, prior.covariance)) continue;
+        const bool a_stays = a->cov_p_map_landmark.trace() <= b->cov_p_map_landmark.trace();
+        MapEdit merge;
+        merge.kind = EditKind::kMerge;
+        merge.landmark = group.signature;
+        merge.into = a_stays ? a->number : b->number;
+        merge.mode = a_stays ? b->number : a->number;
+        return merge;
+      }
+    }
   }
   return std::nullopt;
 }

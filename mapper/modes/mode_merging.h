@@ -30,11 +30,11 @@ std::vector<ModeMerge> FindMerges(const ModeOptions& options,
                                   const ModeDifferences& differences,
                                   const BuildState& build);
 
-/// Merges modes of a prior map that nothing tells apart any more: a run may have been deformed when
-/// one of them was made. They are nearer to each other than ModeOptions::position_floor_m, their
-/// difference is known as exactly, and it is not significant. The one that is known better stands
-/// for both, of equals the one with the lower number. A mode that no run has met was stated, and
-/// stays. Returns how many went.
+/// Merges modes of one landmark of a prior map whose positions do not differ significantly: a
+/// deformed run may have made one of them. Their distance and the standard deviation of their
+/// difference are at most ModeOptions::position_floor_m. The mode with the smaller covariance
+/// stays, of equals the one with the lower number. A mode that no run has met was stated, and is
+/// not merged. Returns the number of merges.
 /// @param except  Landmarks whose modes stay as they are.
 int MergeModesOfPrior(const ModeOptions& options,
                       const std::set<Signature>& except,

@@ -50,7 +50,7 @@ struct ServerArguments {
 constexpr double kMib = 1048576.0;
 constexpr double kMostMib = 1e9;
 
-std::int64_t ToBytes(double mb) { return static_cast<std::int64_t>(mb * kMib); }
+std::int64_t ToBytes(double mib) { return static_cast<std::int64_t>(mib * kMib); }
 
 // Nothing, or why the options do not go together.
 std::string CheckArguments(const ServerArguments& arguments) {

@@ -46,8 +46,8 @@ StatusOr<bool> WasIncluded(Database& database, std::int64_t area_id, const std::
 /// if it is none.
 StatusOr<std::string> FindRun(Database& database, std::int64_t area_id, const std::string& text);
 
-/// A run's identity, and of what is known of it the SHA-256 of each log and the UUID of each
-/// report.
+/// The identity of a run, the SHA-256 of each log of it that the store knows, and the UUID of each
+/// report about it.
 StatusOr<std::set<std::string>> NamesOfRun(Database& database,
                                            std::int64_t area_id,
                                            const std::string& identity);

@@ -112,7 +112,8 @@ struct MapStore::State {
                             const Reportable& reported,
                             InsertedReport* inserted);
 
-  Status AuditExclusion(std::int64_t area_id, const Exclusion& exclusion);
+  /// Audits that a run or vehicle was excluded or held, or included again.
+  Status AuditExclusion(std::int64_t area_id, const Exclusion& exclusion, bool included = false);
 
   /// Excludes the run of a report that was excluded before it came.
   Status ExcludeIfExpected(const ShiftReport& report,

@@ -124,8 +124,8 @@ class EditScenarioTest : public ::testing::Test {
     return places;
   }
 
-  // A version in which the landmark that is known best has another mode 3 cm beside its first, as
-  // after a night that took it for displaced and the nights that followed. Returns its signature.
+  // Commits a version in which one landmark has a second mode 3 cm beside its first, as a night
+  // makes one that takes it for displaced. Returns the landmark with the smallest covariance.
   static std::string CommitDuplicate() {
     MapStore store = *MapStore::Open(world_->File(kEdited), MapStore::Access::kReadWrite);
     MapContent content = store.LoadVersion("floor", VersionNumber(1))->content();

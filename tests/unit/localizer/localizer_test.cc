@@ -307,14 +307,12 @@ TEST(Localizer, ALostVehicleSaysSoAndFindsItself) {
 TEST(Localizer, OnlyOdometryThatLandmarksContradictLosesItsTrust) {
   const MapContent content = MakeTwoModeMap(15, 14.0, 21);
   const auto truth = PositionsOf(content, std::vector<int>(content.groups.size(), 1));
-  SimulationOptions simulation;
-  const SimulatedRun before = Simulate(content, truth, simulation);
-  simulation.seed = 2;
-  simulation.T_map_start = before.T_map_vehicle.back();
+  const SimulatedRun before = Simulate(content, truth, {});
   for (const bool carried : {true, false}) {
-    if (carried) simulation.T_map_start = simulation.T_map_start * Se2(1.0, 0.5, 0.3);
+    SimulationOptions simulation;
+    simulation.seed = 2;
+    simulation.T_map_start = before.T_map_vehicle.back() * (carried ? Se2(1.0, 0.5, 0.3) : Se2());
     SimulatedRun after = Simulate(content, truth, simulation);
-    if (carried) simulation.T_map_start = before.T_map_vehicle.back();
     const Duration later = EndOf(before.run) - BeginOf(after.run) + FromSeconds(0.05);
     for (OdometrySample& sample : after.run.odometry) {
       sample.stamp += later;

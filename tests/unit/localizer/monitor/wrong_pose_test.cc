@@ -180,8 +180,9 @@ TEST(WrongPose, OdometryIsWrongWhereNoLandmarkStandsByIt) {
   EXPECT_FALSE(carried.Fault(content, Se2()));
 }
 
-// A start beside a rack that moved: by its landmarks the vehicle is off, by the others it is at the
-// origin. It is questioned by the pose of the others if these are more, and by no other.
+// The vehicle starts beside a rack that moved. The rack's landmarks agree on a wrong pose, the
+// other landmarks agree on the origin. Another pose questions the start if it explains more
+// landmarks.
 TEST(WrongPose, AStartIsQuestionedByAPoseThatExplainsMore) {
   constexpr int kWorlds = 20;
   const Se2 rack(1.5, -1.0, 0.2);

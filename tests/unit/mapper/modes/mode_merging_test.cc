@@ -55,7 +55,8 @@ TEST(MergeMemory, MergesModesThatAreOnePlace) {
   for (const VisitRef& ref : *busiest) EXPECT_EQ(AssignmentOf(build, ref), GroupModeIndex(0));
 }
 
-// A landmark with two modes, each known to 0.4 m, that differ by 0.03 m.
+// A landmark with two modes: each has a standard deviation of 0.4 m, their difference a smaller
+// one.
 MapContent OneLandmark(const Eigen::Vector2d& apart, double sd_difference_m) {
   MapContent content;
   LandmarkGroup group;
@@ -99,7 +100,7 @@ TEST(MergeModesOfPrior, WhatMayBeTwoPlacesStays) {
   EXPECT_EQ(MergeModesOfPrior({}, {Signature("A")}, &excepted), 0);
 }
 
-// A rack that moved by few centimetres is told apart by what its landmarks have in common.
+// Both positions share most of their errors: a difference of 6 cm is significant.
 TEST(MergeModesOfPrior, WhatTheMapTellsApartStays) {
   MapContent content = OneLandmark({0.06, 0.0}, 0.007);
   EXPECT_EQ(MergeModesOfPrior({}, {}, &content), 0);
