@@ -26,8 +26,8 @@ CONFINED = [
     (re.compile(r"^CLI/"), re.compile(r"^mapstore/cli/"), "mapstore/cli"),
     (
         re.compile(r"^microhttpd\.h$"),
-        re.compile(r"^tools/view/view_server\.cc$|^mapstore/server/metrics_endpoint\.cc$"),
-        "tools/view/view_server.cc and mapstore/server/metrics_endpoint.cc",
+        re.compile(r"^mapstore/http/"),
+        "mapstore/http",
     ),
     (re.compile(r"^cairo\.h$|^librsvg/"), re.compile(r"^tools/plot/png\.cc$"), "tools/plot/png.cc"),
     (re.compile(r"^toml\+\+/"), re.compile(r"^mapstore/cli/"), "mapstore/cli"),

@@ -9,9 +9,9 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
+#include "mapstore/http/http_listener.h"
 #include "mapstore/server/credentials.h"
 #include "mapstore/server/map_service.h"
-#include "mapstore/server/metrics_endpoint.h"
 
 namespace shiftmap::server {
 namespace {
@@ -59,6 +59,13 @@ StatusOr<std::vector<SnapshotSigner>> ReadSigners(const std::vector<std::string>
   return signers;
 }
 
+HttpResponse MetricsResponse(const HttpRequest& request, std::string metrics) {
+  if (request.path != "/metrics") return {404, "only /metrics\n"};
+  HttpResponse response(200, std::move(metrics));
+  response.content_type = "text/plain; version=0.0.4; charset=utf-8";
+  return response;
+}
+
 }  // namespace
 
 struct MapServer::State {
@@ -89,7 +96,7 @@ struct MapServer::State {
   std::unique_ptr<TlsCredentials> tls;  // Null: plain text.
   std::unique_ptr<MapService> service;
   std::unique_ptr<grpc::Server> server;
-  std::unique_ptr<MetricsEndpoint> endpoint;
+  std::optional<HttpListener> endpoint;  // Of the metrics.
   Clock::time_point maintained = Clock::now();
 };
 
@@ -213,9 +220,10 @@ StatusOr<std::unique_ptr<MapServer>> MapServer::Start(const MapServerOptions& op
   State* const parts = state.get();
   std::unique_ptr<MapServer> server(new MapServer(std::move(state)));
   if (options.metrics) {
-    SHIFTMAP_ASSIGN_OR_RETURN(parts->endpoint, MetricsEndpoint::Start(*options.metrics, [parts] {
-                                return parts->metrics.Text(parts->Gauges());
-                              }));
+    SHIFTMAP_ASSIGN_OR_RETURN(
+        parts->endpoint, HttpListener::Start(*options.metrics, [parts](const HttpRequest& request) {
+          return MetricsResponse(request, parts->metrics.Text(parts->Gauges()));
+        }));
   }
   return server;
 }

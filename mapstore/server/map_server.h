@@ -9,8 +9,8 @@
 
 #include "mapstore/core/clock.h"
 #include "mapstore/core/day.h"
+#include "mapstore/http/listen_address.h"
 #include "mapstore/server/json_log.h"
-#include "mapstore/server/listen_address.h"
 #include "mapstore/server/snapshot_keeper.h"
 #include "mapstore/server/upload_spool.h"
 #include "proto/core/status.h"
@@ -57,7 +57,7 @@ class MapServer {
   /// Listens and answers when it returns.
   /// @param log  Must outlive the server.
   /// Errors: as MapStore::Open, SnapshotFolder::Open, UploadSpool::Open, SnapshotSigner::Read,
-  /// Revocations::Read, MetricsEndpoint::Start; kInvalidArgument if the files of TLS do not read;
+  /// Revocations::Read, HttpListener::Start; kInvalidArgument if the files of TLS do not read;
   /// kUnavailable if it cannot listen.
   static StatusOr<std::unique_ptr<MapServer>> Start(const MapServerOptions& options, JsonLog* log);
   ~MapServer();

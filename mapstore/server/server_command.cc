@@ -54,11 +54,10 @@ std::int64_t ToBytes(double mib) { return static_cast<std::int64_t>(mib * kMib);
 
 // Nothing, or why the options do not go together.
 std::string CheckArguments(const ServerArguments& arguments) {
-  const auto listen = server::ParseListenAddress("--listen", arguments.listen);
+  const auto listen = ParseListenAddress("--listen", arguments.listen);
   if (!listen.ok()) return Message(listen.status());
   if (arguments.metrics) {
-    const auto metrics =
-        server::ParseListenAddress("--metrics-listen", *arguments.metrics, "127.0.0.1");
+    const auto metrics = ParseListenAddress("--metrics-listen", *arguments.metrics, "127.0.0.1");
     if (!metrics.ok()) return Message(metrics.status());
   }
   const bool any = !arguments.tls_cert.empty() || !arguments.tls_key.empty() ||
@@ -78,16 +77,14 @@ std::string CheckArguments(const ServerArguments& arguments) {
 
 StatusOr<MapServerOptions> ToOptions(const ServerArguments& arguments) {
   MapServerOptions options = arguments.options;
-  SHIFTMAP_ASSIGN_OR_RETURN(options.listen,
-                            server::ParseListenAddress("--listen", arguments.listen));
+  SHIFTMAP_ASSIGN_OR_RETURN(options.listen, ParseListenAddress("--listen", arguments.listen));
   if (!arguments.plain_text) {
     options.tls =
         server::TlsFiles{arguments.tls_cert, arguments.tls_key, arguments.client_ca, arguments.crl};
   }
   if (arguments.metrics) {
     SHIFTMAP_ASSIGN_OR_RETURN(
-        options.metrics,
-        server::ParseListenAddress("--metrics-listen", *arguments.metrics, "127.0.0.1"));
+        options.metrics, ParseListenAddress("--metrics-listen", *arguments.metrics, "127.0.0.1"));
   }
   if (options.snapshots.empty()) options.snapshots = options.store + ".snapshots";
   options.max_message_bytes = ToBytes(arguments.max_message_mib);

@@ -22,8 +22,11 @@ struct ViewArguments {
 };
 
 std::string CheckListen(const ViewArguments& arguments) {
-  const StatusOr<ListenAddress> address = ParseListenAddress(arguments.listen);
+  const StatusOr<ListenAddress> address = ParseListenAddress("--listen", arguments.listen);
   if (!address.ok()) return Message(address.status());
+  if (!address->IsNumeric()) {
+    return fmt::format("--listen '{}': expected an IP address, not a name", arguments.listen);
+  }
   if (address->IsLoopback() || arguments.any_address) return "";
   return fmt::format(
       "--listen '{}' lets other machines read the map, without a password and without encryption; "
@@ -32,7 +35,8 @@ std::string CheckListen(const ViewArguments& arguments) {
 }
 
 Status RunView(const ViewArguments& arguments, Context& context) {
-  SHIFTMAP_ASSIGN_OR_RETURN(const ListenAddress wanted, ParseListenAddress(arguments.listen));
+  SHIFTMAP_ASSIGN_OR_RETURN(const ListenAddress wanted,
+                            ParseListenAddress("--listen", arguments.listen));
   const auto make_page = [&]() -> StatusOr<std::string> {
     SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, OpenStore(arguments.store, context));
     return MapHtml(arguments.store, arguments.replay, &store);

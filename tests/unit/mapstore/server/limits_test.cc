@@ -4,7 +4,6 @@
 #include <gtest/gtest.h>
 
 #include "mapstore/server/calls.h"
-#include "mapstore/server/listen_address.h"
 #include "tests/support/status_matchers.h"
 
 namespace shiftmap::server {
@@ -73,22 +72,6 @@ TEST(CallsTest, AVehicleActsForItselfAndAnOperatorForAll) {
   EXPECT_FALSE(MayActFor({"truck", Role::kVehicle, "", ""}, "Truck"));
   EXPECT_FALSE(MayActFor({"truck", Role::kVehicle, "", ""}, ""));
   EXPECT_TRUE(MayActFor({"boss", Role::kOperator, "", ""}, "truck"));
-}
-
-TEST(ListenAddressTest, HostsAndPortsAreReadAndLoopbackIsKnown) {
-  const auto parsed = ParseListenAddress("--listen", "[::1]:70");
-  ASSERT_THAT(parsed, IsOk());
-  EXPECT_EQ(parsed->Text(), "[::1]:70");
-  EXPECT_TRUE(parsed->IsLoopback());
-  EXPECT_TRUE(ParseListenAddress("--x", "localhost:0")->IsLoopback());
-  EXPECT_TRUE(ParseListenAddress("--x", "127.1.2.3:1")->IsLoopback());
-  EXPECT_FALSE(ParseListenAddress("--x", "127.example.com:1")->IsLoopback());
-  EXPECT_FALSE(ParseListenAddress("--x", "0.0.0.0:1")->IsLoopback());
-  EXPECT_FALSE(ParseListenAddress("--x", "[::]:1")->IsLoopback());
-  EXPECT_EQ(ParseListenAddress("--x", "9464", "127.0.0.1")->Text(), "127.0.0.1:9464");
-  for (const char* text : {"", "a", ":1", "a:", "a:65536", "a:-1", "a:1x", "::1:2", "9464"}) {
-    EXPECT_THAT(ParseListenAddress("--x", text), StatusIs(StatusCode::kInvalidArgument, "--x"));
-  }
 }
 
 }  // namespace

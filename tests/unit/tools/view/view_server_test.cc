@@ -15,41 +15,6 @@ namespace {
 using testing::IsOk;
 using testing::StatusIs;
 
-TEST(ListenAddress, IsAnAddressAndAPort) {
-  const auto v4 = ParseListenAddress("127.0.0.1:8080");
-  ASSERT_THAT(v4, IsOk());
-  EXPECT_EQ(v4->Url(), "http://127.0.0.1:8080/");
-  const auto v6 = ParseListenAddress("[::1]:0");
-  ASSERT_THAT(v6, IsOk());
-  EXPECT_EQ(v6->host, "::1");
-  EXPECT_EQ(v6->Url(), "http://[::1]:0/");
-  EXPECT_EQ(ParseListenAddress("localhost:1")->host, "127.0.0.1");
-  for (const char* text : {"",
-                           "8080",
-                           ":8080",
-                           "127.0.0.1",
-                           "127.0.0.1:",
-                           "127.0.0.1:x",
-                           "127.0.0.1:65536",
-                           "127.0.0.1:-1",
-                           "127.0.0.1:80 ",
-                           "host:80",
-                           "[::1:80",
-                           "::1:80",
-                           "1.2.3:80"}) {
-    EXPECT_THAT(ParseListenAddress(text), StatusIs(StatusCode::kInvalidArgument, text));
-  }
-}
-
-TEST(ListenAddress, IsOnlyReachedFromThisMachineIfItIsLoopback) {
-  EXPECT_TRUE(ParseListenAddress("127.0.0.1:0")->IsLoopback());
-  EXPECT_TRUE(ParseListenAddress("127.8.8.8:0")->IsLoopback());
-  EXPECT_TRUE(ParseListenAddress("[::1]:0")->IsLoopback());
-  for (const char* text : {"0.0.0.0:0", "10.0.0.1:0", "128.0.0.1:0", "[::]:0", "[::2]:0"}) {
-    EXPECT_FALSE(ParseListenAddress(text)->IsLoopback()) << text;
-  }
-}
-
 TEST(HostHeader, NamesTheServerByAddressOrByAnOwnNameOnly) {
   std::array<char, 256> name = {};
   ASSERT_EQ(gethostname(name.data(), name.size() - 1), 0);

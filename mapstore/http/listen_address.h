@@ -5,18 +5,25 @@
 
 #include "proto/core/status.h"
 
-namespace shiftmap::server {
+namespace shiftmap {
 
 /// Where a server listens.
 struct ListenAddress {
-  std::string host;  ///< An address or a name, without brackets.
-  int port = 0;      ///< 0: any that is free.
+  std::string host = "127.0.0.1";  ///< An address or a name, without brackets.
+  int port = 0;                    ///< 0: any that is free.
 
-  /// Whether only this machine can reach it. A name is not looked up: only `localhost` is.
+  /// Whether the host is an IPv4 or IPv6 address. A name is not looked up: `localhost` counts, for
+  /// 127.0.0.1.
+  bool IsNumeric() const;
+
+  /// Whether only this machine reaches it. Of names, `localhost` only.
   bool IsLoopback() const;
 
   /// "host:port", an IPv6 address in brackets.
   std::string Text() const;
+
+  /// As browsers write it.
+  std::string Url() const { return "http://" + Text() + "/"; }
 };
 
 /// Reads `HOST:PORT`, `[IPV6]:PORT`, or with a default host also `PORT`.
@@ -25,4 +32,4 @@ StatusOr<ListenAddress> ParseListenAddress(const std::string& option,
                                            const std::string& text,
                                            const std::string& default_host = "");
 
-}  // namespace shiftmap::server
+}  // namespace shiftmap

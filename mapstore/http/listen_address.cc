@@ -1,19 +1,31 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "mapstore/server/listen_address.h"
+#include "mapstore/http/listen_address.h"
 
 #include <arpa/inet.h>
 
 #include <optional>
-#include <string_view>
 
 #include "mapstore/core/parse_whole.h"
 
-namespace shiftmap::server {
+namespace shiftmap {
+namespace {
+
+bool IsV4(const std::string& host) {
+  in_addr address = {};
+  return inet_pton(AF_INET, host.c_str(), &address) == 1;
+}
+
+bool IsV6(const std::string& host) {
+  in6_addr address = {};
+  return inet_pton(AF_INET6, host.c_str(), &address) == 1;
+}
+
+}  // namespace
+
+bool ListenAddress::IsNumeric() const { return host == "localhost" || IsV4(host) || IsV6(host); }
 
 bool ListenAddress::IsLoopback() const {
-  in_addr v4 = {};
-  const bool is_v4 = inet_pton(AF_INET, host.c_str(), &v4) == 1;
-  return host == "localhost" || host == "::1" || (is_v4 && host.starts_with("127."));
+  return host == "localhost" || host == "::1" || (IsV4(host) && host.starts_with("127."));
 }
 
 std::string ListenAddress::Text() const {
@@ -38,4 +50,4 @@ StatusOr<ListenAddress> ParseListenAddress(const std::string& option,
   return ListenAddress{host, *number};
 }
 
-}  // namespace shiftmap::server
+}  // namespace shiftmap
