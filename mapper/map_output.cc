@@ -245,7 +245,7 @@ StatusOr<std::vector<GroupChain>> LearnChainsOf(const BuildState& build,
   for (std::size_t i = 0; i < chains.size(); ++i) {
     const bool known = build.Known(sources[i].group) != nullptr;
     const bool relearned = options.chains.relearned.contains((*groups)[i].signature);
-    if (chains[i].learned || !known || relearned) (*groups)[i].chain = chains[i].chain.chain();
+    if (chains[i].learned || !known || relearned) (*groups)[i].chain = chains[i].chain.chain;
   }
   return chains;
 }

@@ -60,6 +60,15 @@ double Gamma::Quantile(double probability) const {
   return std::exp(value) / exposure_s;
 }
 
+Gamma MixtureOf(const Gamma& first, const Gamma& second, double share) {
+  const double apart = second.mean() - first.mean();
+  const double mean = first.mean() + share * apart;
+  const double variance = (1.0 - share) * first.mean() / first.exposure_s +
+                          share * second.mean() / second.exposure_s +
+                          share * (1.0 - share) * apart * apart;
+  return {mean * mean / variance, mean / variance};
+}
+
 Gamma GammaFromMeans(double mean, double mean_log) {
   const double gap = std::log(mean) - mean_log;
   // log a - ψ(a) falls from infinity to 0.

@@ -22,6 +22,10 @@ struct Gamma {
   double Quantile(double probability) const;
 };
 
+/// The Gamma distribution of the mean and the variance of a mixture, in which `second` has a share
+/// in [0, 1].
+Gamma MixtureOf(const Gamma& first, const Gamma& second, double share);
+
 /// The Gamma distribution of a given mean and mean logarithm, as maximum likelihood has it.
 /// The shape is kept within [0.01, 1e6]. Precondition: mean > 0, mean_log <= log(mean) but for
 /// rounding.

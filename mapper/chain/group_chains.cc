@@ -63,15 +63,16 @@ Status AddRhythms(const std::vector<ChainHistory>& histories,
   rhythm.gap_resolution = kGapResolution;
   std::vector<Status> learned(histories.size());
   ForEachIndex(histories.size(), options.threads, [&](std::size_t i) {
-    RateFit& fit = (*chains)[i].fit;
+    LearnedChain& learned_chain = (*chains)[i];
     ChainLearningOptions alike = learning;
-    alike.structure = fit.structure;
+    alike.structure = learned_chain.fit.structure;
     alike.threads = 1;
-    StatusOr<LearnedRhythm> found = LearnRhythm(histories[i], fit, alike, rhythm);
+    StatusOr<LearnedRhythm> found = LearnRhythm(histories[i], learned_chain.fit, alike, rhythm);
     learned[i] = found.status();
     if (!found.ok()) return;
     (*gains)[i] = found->held_out_gain;
-    if (found->rhythm) fit.chain = *fit.chain.WithRhythm(*std::move(found->rhythm));
+    if (!found->rhythm) return;
+    learned_chain.chain = *learned_chain.chain.WithRhythm(*std::move(found->rhythm));
   });
   for (const Status& status : learned) SHIFTMAP_RETURN_IF_ERROR(status);
   return OkStatus();

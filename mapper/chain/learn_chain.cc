@@ -9,48 +9,80 @@
 
 #include "mapper/chain/chain_steps.h"
 #include "mapper/parallel.h"
+#include "proto/core/check.h"
 
 namespace shiftmap {
 namespace {
 
-RateInterval IntervalOf(double rate_per_s, const Gamma& posterior, double probability) {
+// What the visits of a group tell: of one structure, or of both.
+struct Fits {
+  std::optional<RateFit> uniform;
+  std::optional<RateFit> general;
+
+  // Probability of the general structure.
+  double GeneralShare() const {
+    if (!uniform || !general) return general ? 1.0 : 0.0;
+    const double share = 1.0 / (1.0 + std::exp(uniform->log_marginal - general->log_marginal));
+    // So little does not change a rate, and a uniform chain has a closed form.
+    constexpr double kNone = 1e-3;
+    return share < kNone ? 0.0 : share;
+  }
+
+  const RateFit& Likelier() const { return GeneralShare() > 0.5 ? *general : *uniform; }
+};
+
+RateInterval IntervalOf(const Gamma& posterior, double probability) {
   const double tail = 0.5 * (1.0 - probability);
-  return {rate_per_s, posterior.Quantile(tail), posterior.Quantile(1.0 - tail)};
+  return {posterior.mean(), posterior.Quantile(tail), posterior.Quantile(1.0 - tail)};
 }
 
-LearnedChain Describe(const ChainHistory& history, RateFit fit, double probability) {
+// A posterior of both structures together.
+template <typename Posterior>
+Gamma Mean(const Fits& fits, const Posterior& posterior) {
+  const double share = fits.GeneralShare();
+  if (share == 0.0) return posterior(*fits.uniform);
+  if (share == 1.0) return posterior(*fits.general);
+  return MixtureOf(posterior(*fits.uniform), posterior(*fits.general), share);
+}
+
+ModeChain MeanChain(const Fits& fits) {
+  const double share = fits.GeneralShare();
+  if (share == 0.0) return fits.uniform->chain;
+  if (share == 1.0) return fits.general->chain;
+  StatusOr<ModeChain> chain =
+      ModeChain::FromRates((1.0 - share) * fits.uniform->chain.rate_matrix() +
+                           share * fits.general->chain.rate_matrix());
+  SHIFTMAP_CHECK(chain.ok(), "mean of two chains: {}", chain.status().ToString());
+  return *std::move(chain);
+}
+
+LearnedChain Describe(const ChainHistory& history, const Fits& fits, double probability) {
   LearnedChain learned;
   learned.signature = history.signature;
   learned.visits = static_cast<std::int64_t>(history.visits.size());
-  const int states = fit.chain.states();
-  learned.low = Eigen::MatrixXd::Zero(states, states);
-  learned.high = learned.low;
+  learned.general = fits.GeneralShare();
+  if (!fits.uniform && !fits.general) {
+    learned.low = learned.high = Eigen::MatrixXd::Zero(1, 1);
+    return learned;
+  }
+  learned.fit = fits.Likelier();
+  learned.chain = MeanChain(fits);
+  const int states = learned.chain.states();
+  learned.low = learned.high = Eigen::MatrixXd::Zero(states, states);
   for (int from = 0; from < states; ++from) {
     for (int to = 0; to < states; ++to) {
       if (from == to) continue;
       const RateInterval rate =
-          IntervalOf(fit.chain.rate_matrix()(from, to), fit.PosteriorOfRate(from, to), probability);
+          IntervalOf(Mean(fits, [&](const RateFit& fit) { return fit.PosteriorOfRate(from, to); }),
+                     probability);
       learned.low(from, to) = rate.low_per_s;
       learned.high(from, to) = rate.high_per_s;
     }
   }
-  if (states > 1) {
-    learned.leave =
-        IntervalOf(fit.chain.leave_rate_per_s(), fit.PosteriorOfLeaveRate(), probability);
-  }
-  learned.fit = std::move(fit);
+  learned.leave = IntervalOf(
+      Mean(fits, [](const RateFit& fit) { return fit.PosteriorOfLeaveRate(); }), probability);
   return learned;
 }
-
-// The structure given, or the better of both.
-struct Choice {
-  RateFit fit;
-  double general_gain = 0.0;
-
-  // Where the searches ended, for one under almost the same prior.
-  std::optional<RateStart> uniform;
-  std::optional<RateStart> general;
-};
 
 // Chains of few states, whose rates cost nothing to fit.
 constexpr int kFewStates = 4;
@@ -83,47 +115,34 @@ Gamma WithStated(const Gamma& prior,
   return {prior.shape + stated.jumps / rates, prior.exposure_s + stated.seconds / rates};
 }
 
-RateStart StartAt(const RateFit& fit) { return {fit.log_rates, fit.covariance}; }
+std::optional<RateStart> StartAt(const std::optional<RateFit>& fit) {
+  if (!fit) return std::nullopt;
+  return RateStart{fit->log_rates, fit->covariance};
+}
 
-Choice Fit(const ChainSteps& steps,
-           const StatedRate& stated,
-           const Gamma& shared,
-           const ChainLearningOptions& options,
-           const Choice& before) {
-  Choice choice;
-  if (steps.states < 2) return choice;
-  const auto prior = [&](ChainStructure structure) {
-    return WithStated(shared, stated, structure, steps.states);
+// @param before  Under almost the same prior; its searches' ends are the starts of these.
+Fits Fit(const ChainSteps& steps,
+         const StatedRate& stated,
+         const Gamma& shared,
+         const ChainLearningOptions& options,
+         const Fits& before) {
+  Fits fits;
+  if (steps.states < 2) return fits;
+  const auto fit = [&](ChainStructure structure, const std::optional<RateFit>& start) {
+    return FitRates(steps,
+                    structure,
+                    WithStated(shared, stated, structure, steps.states),
+                    options.fit,
+                    StartAt(start));
   };
-  if (options.structure) {
-    const bool is_uniform = *options.structure == ChainStructure::kUniform;
-    choice.fit = FitRates(steps,
-                          *options.structure,
-                          prior(*options.structure),
-                          options.fit,
-                          is_uniform ? before.uniform : before.general);
-    (is_uniform ? choice.uniform : choice.general) = StartAt(choice.fit);
-    return choice;
+  if (options.structure != ChainStructure::kGeneral) {
+    fits.uniform = fit(ChainStructure::kUniform, before.uniform);
   }
-  RateFit uniform = FitRates(steps,
-                             ChainStructure::kUniform,
-                             prior(ChainStructure::kUniform),
-                             options.fit,
-                             before.uniform);
-  choice.uniform = StartAt(uniform);
-  if (!MayTellPairs(steps, uniform)) {
-    choice.fit = std::move(uniform);
-    return choice;
+  if (options.structure ? *options.structure == ChainStructure::kGeneral
+                        : MayTellPairs(steps, *fits.uniform)) {
+    fits.general = fit(ChainStructure::kGeneral, before.general);
   }
-  RateFit general = FitRates(steps,
-                             ChainStructure::kGeneral,
-                             prior(ChainStructure::kGeneral),
-                             options.fit,
-                             before.general);
-  choice.general = StartAt(general);
-  choice.general_gain = general.log_marginal - uniform.log_marginal;
-  choice.fit = choice.general_gain > 0.0 ? std::move(general) : std::move(uniform);
-  return choice;
+  return fits;
 }
 
 // So many groups tell the prior that they share; it is known no better than to a few percent.
@@ -135,28 +154,45 @@ void FitEvery(std::size_t step,
               const std::vector<ChainHistory>& histories,
               const Gamma& prior,
               const ChainLearningOptions& options,
-              std::vector<Choice>* choices) {
+              std::vector<Fits>* fits) {
   const std::size_t count = (steps.size() + step - 1) / step;
   ForEachIndex(count, options.threads, [&](std::size_t i) {
-    Choice& choice = (*choices)[i * step];
-    choice = Fit(steps[i * step], histories[i * step].stated, prior, options, choice);
+    Fits& group = (*fits)[i * step];
+    group = Fit(steps[i * step], histories[i * step].stated, prior, options, group);
   });
 }
 
+// The means over a fit's parameters of E x and E log x.
+struct ParameterMeans {
+  double mean = 0.0;
+  double log = 0.0;
+};
+
+ParameterMeans MeansOf(const std::optional<RateFit>& fit) {
+  ParameterMeans means;
+  if (!fit) return means;
+  const Eigen::Index count = fit->log_rates.size();
+  for (Eigen::Index i = 0; i < count; ++i) {
+    const Gamma posterior = fit->Posterior(i);
+    means.mean += posterior.mean() / static_cast<double>(count);
+    means.log += posterior.MeanLog() / static_cast<double>(count);
+  }
+  return means;
+}
+
 // The prior that the groups' posteriors speak for.
-Gamma SharedPrior(const std::vector<Choice>& choices, const ChainLearningOptions& options) {
+Gamma SharedPrior(const std::vector<Fits>& fits, const ChainLearningOptions& options) {
   double weight = options.prior_groups;
   double mean = weight * options.prior.mean();
   double mean_log = weight * options.prior.MeanLog();
-  for (const Choice& choice : choices) {
-    const Eigen::Index count = choice.fit.log_rates.size();
-    if (count == 0) continue;
+  for (const Fits& group : fits) {
+    if (!group.uniform && !group.general) continue;
     weight += 1.0;
-    for (Eigen::Index i = 0; i < count; ++i) {
-      const Gamma posterior = choice.fit.Posterior(i);
-      mean += posterior.mean() / static_cast<double>(count);
-      mean_log += posterior.MeanLog() / static_cast<double>(count);
-    }
+    const double share = group.GeneralShare();
+    const ParameterMeans uniform = MeansOf(group.uniform);
+    const ParameterMeans general = MeansOf(group.general);
+    mean += (1.0 - share) * uniform.mean + share * general.mean;
+    mean_log += (1.0 - share) * uniform.log + share * general.log;
   }
   return GammaFromMeans(mean / weight, mean_log / weight);
 }
@@ -195,24 +231,22 @@ StatusOr<LearnedChains> LearnChains(const std::vector<ChainHistory>& histories,
   }
   LearnedChains result;
   result.prior = options.prior;
-  std::vector<Choice> choices(steps.size());
+  std::vector<Fits> fits(steps.size());
   constexpr int kMaxRounds = 20;
   constexpr double kSettled = 1e-2;
   const std::size_t step = options.share_prior ? steps.size() / kPriorGroups + 1 : 1;
   for (int round = 0;; ++round) {
-    FitEvery(step, steps, histories, result.prior, options, &choices);
+    FitEvery(step, steps, histories, result.prior, options, &fits);
     if (!options.share_prior || round == kMaxRounds) break;
-    const Gamma next = SharedPrior(choices, options);
+    const Gamma next = SharedPrior(fits, options);
     const double change = std::max(std::abs(std::log(next.shape / result.prior.shape)),
                                    std::abs(std::log(next.mean() / result.prior.mean())));
     if (change < kSettled) break;
     result.prior = next;
   }
-  if (step > 1) FitEvery(1, steps, histories, result.prior, options, &choices);
+  if (step > 1) FitEvery(1, steps, histories, result.prior, options, &fits);
   for (std::size_t i = 0; i < histories.size(); ++i) {
-    LearnedChain learned = Describe(histories[i], std::move(choices[i].fit), options.interval);
-    learned.general_gain = choices[i].general_gain;
-    result.chains.push_back(std::move(learned));
+    result.chains.push_back(Describe(histories[i], fits[i], options.interval));
   }
   return result;
 }

@@ -23,9 +23,9 @@ struct ChainLearningOptions {
   /// How many groups' worth the prior above counts when the shared one is estimated; > 0.
   double prior_groups = 1.0;
 
-  /// Given, or else the structure with the larger marginal likelihood. The general one is compared
-  /// up to four states, and up to ten where the uniform one tells of as many jumps as it has rates:
-  /// fewer do not tell these, and its time goes with about the fifth power of the states.
+  /// Given, or else both, each with the weight of its marginal likelihood. The general one is
+  /// fitted up to four states, and up to ten where the uniform one tells of as many jumps as it has
+  /// rates: fewer do not tell these, and its time goes with about the fifth power of the states.
   std::optional<ChainStructure> structure;
 
   double interval = 0.95;  ///< Probability of the intervals; in (0, 1).
@@ -51,15 +51,20 @@ struct RateInterval {
 /// A chain that was learned.
 struct LearnedChain {
   Signature signature;
-  RateFit fit;           ///< Of the structure taken; `fit.chain` is the chain.
+
+  /// The mean over the structures, each rate by the structures' probabilities. Few visits do not
+  /// tell the structure, and one chosen by them would change with the next.
+  ModeChain chain = ModeChain::Uniform(0, 0.0);
+
+  RateFit fit;           ///< Of the more probable structure.
   RateInterval leave;    ///< Of ModeChain::leave_rate_per_s.
   Eigen::MatrixXd low;   ///< Per pair of states, diagonal 0. [1/s]
   Eigen::MatrixXd high;  ///< Likewise.
-  double general_gain =
-      0.0;  ///< Log marginal likelihood, general minus uniform; 0 if not compared.
-  std::int64_t visits = 0;
 
-  const ModeChain& chain() const { return fit.chain; }
+  /// Probability of the general structure, both taken for equally likely before the visits.
+  double general = 0.0;
+
+  std::int64_t visits = 0;
 };
 
 struct LearnedChains {

@@ -124,7 +124,7 @@ StatusOr<Rates> PlainRates(const ChainHistory& history,
   const ChainHistory seen = FirstVisits(history, first);
   if (learning.share_prior) {
     SHIFTMAP_ASSIGN_OR_RETURN(const LearnedChain plain, LearnChain(seen, learning));
-    return plain.chain().rate_matrix();
+    return plain.chain.rate_matrix();
   }
   return MostProbableRates(MakeChainSteps(seen, {}, learning.gap_resolution),
                            whole.structure,

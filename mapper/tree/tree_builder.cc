@@ -310,7 +310,7 @@ StatusOr<std::vector<GroupChain>> LearnChainsOf(const std::vector<MappedRun>& ru
                             LearnChains(*groups, std::move(rows), options));
   for (std::size_t i = 0; i < chains.size(); ++i) {
     const bool relearned = options.chains.relearned.contains((*groups)[i].signature);
-    if (chains[i].learned || relearned) (*groups)[i].chain = chains[i].chain.chain();
+    if (chains[i].learned || relearned) (*groups)[i].chain = chains[i].chain.chain;
   }
   return chains;
 }

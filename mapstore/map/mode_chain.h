@@ -58,7 +58,7 @@ class ModeChain {
 
   /// Π(Δt) of the rate matrix, as if there were no rhythm: row-stochastic, (n+1) x (n+1), at any Δt
   /// from nanoseconds to centuries. A negative Δt counts as zero: a chain is not run backwards.
-  /// Closed form if uniform, else by scaling and squaring.
+  /// Closed form if uniform or of two states, else by scaling and squaring.
   Eigen::MatrixXd Transition(Duration elapsed) const;
 
   /// Π from one time to another, with the rhythm. The identity if `to` is not later.

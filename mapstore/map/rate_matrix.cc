@@ -5,6 +5,22 @@
 #include <unsupported/Eigen/MatrixFunctions>
 
 namespace shiftmap {
+namespace {
+
+// The eigenvalues are 0 and minus the sum of both rates.
+Eigen::MatrixXd TwoStates(double from_0, double from_1, double seconds) {
+  Eigen::MatrixXd transition = Eigen::MatrixXd::Identity(2, 2);
+  const double sum = from_0 + from_1;
+  if (sum == 0.0) return transition;
+  const double forgotten = -std::expm1(-sum * seconds);
+  transition(0, 1) = forgotten * from_0 / sum;
+  transition(1, 0) = forgotten * from_1 / sum;
+  transition(0, 0) = 1.0 - transition(0, 1);
+  transition(1, 1) = 1.0 - transition(1, 0);
+  return transition;
+}
+
+}  // namespace
 
 StatusOr<Eigen::MatrixXd> CheckedRates(Eigen::MatrixXd rates) {
   if (rates.rows() < 1 || rates.rows() != rates.cols()) {
@@ -36,6 +52,7 @@ void NormalizeRows(Eigen::MatrixXd* matrix) {
 }
 
 Eigen::MatrixXd StochasticExponential(const Eigen::MatrixXd& rates, double seconds) {
+  if (rates.rows() == 2) return TwoStates(rates(0, 1), rates(1, 0), seconds);
   // Squaring here and not in the library: rounding would grow over the hundred squarings of years
   // at a rate of seconds.
   int squarings = 0;

@@ -17,7 +17,8 @@ StatusOr<Eigen::MatrixXd> CheckedRates(Eigen::MatrixXd rates);
 /// Makes the rows of a matrix distributions to the last bit: nothing below 0, sum 1.
 void NormalizeRows(Eigen::MatrixXd* matrix);
 
-/// exp(Q t) by scaling and squaring, with rows that are distributions to the last bit.
+/// exp(Q t) in closed form for two states, else by scaling and squaring, with rows that are
+/// distributions to the last bit.
 /// @param rates  Q, rows = from; rows sum to 0, off-diagonal entries are >= 0. [1/s]
 Eigen::MatrixXd StochasticExponential(const Eigen::MatrixXd& rates, double seconds);
 

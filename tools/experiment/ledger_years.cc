@@ -119,7 +119,7 @@ class Site {
                               LearnGroupChains(map.groups(), rows, {}));
     MapContent content = map.content();
     for (std::size_t i = 0; i < chains.size(); ++i) {
-      content.groups[i].chain = chains[i].chain.chain();
+      content.groups[i].chain = chains[i].chain.chain;
     }
     content.stamp = At(day);
     CommitOptions commit;

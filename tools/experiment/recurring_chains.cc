@@ -75,7 +75,7 @@ StatusOr<Candidate> Learn(const std::string& method,
   learning.structure = structure;
   SHIFTMAP_ASSIGN_OR_RETURN(const LearnedChain learned, LearnChain(history, learning));
   return Candidate{method,
-                   {learned.chain()},
+                   {learned.chain},
                    learned.leave.rate_per_s,
                    learned.leave.low_per_s,
                    learned.leave.high_per_s};
@@ -100,7 +100,7 @@ StatusOr<std::vector<Candidate>> Candidates(const ChainHistory& history,
   SHIFTMAP_ASSIGN_OR_RETURN(const LearnedChain whole, LearnChain(history, learning));
   SHIFTMAP_ASSIGN_OR_RETURN(const LearnedRhythm rhythm,
                             LearnRhythm(history, whole.fit, learning, {}));
-  Candidate with_rhythm = Fixed(kRhythmMethod, whole.chain());
+  Candidate with_rhythm = Fixed(kRhythmMethod, whole.chain);
   if (rhythm.rhythm) {
     with_rhythm.period = rhythm.rhythm->calendar().period;
     with_rhythm.rhythm_hours = ToSeconds(with_rhythm.period) / 3600.0;

@@ -121,7 +121,7 @@ StatusOr<Chart> RhythmChart(const RecurringRecord& door, const RecurringChainsOp
   const ChainHistory history = WholeHistory(door);
   SHIFTMAP_ASSIGN_OR_RETURN(const LearnedChain whole, LearnGeneralChain(history, options.learning));
   const std::vector<ModeChain> chains =
-      FitPhases(history, {kRhythmDay, kHours}, {kHours, whole.chain()}, {});
+      FitPhases(history, {kRhythmDay, kHours}, {kHours, whole.chain}, {});
   Chart chart{.title = "The door by the hour",
               .x_label = "hour of the day [UTC]",
               .y_label = "rate [1/h]",
@@ -159,7 +159,7 @@ Status Run(const Arguments& arguments, Context& context) {
   // The truth of the simulated record is the chain of the real one.
   SHIFTMAP_ASSIGN_OR_RETURN(const LearnedChain truth,
                             LearnGeneralChain(WholeHistory(rooms), options.learning));
-  const RecurringRecord simulated = SimulateRecord(rooms, truth.chain(), options.seed);
+  const RecurringRecord simulated = SimulateRecord(rooms, truth.chain, options.seed);
 
   const std::unique_ptr<Progress> progress = context.MakeProgress();
   std::vector<RecurringChainsRow> rows;
@@ -168,7 +168,7 @@ Status Run(const Arguments& arguments, Context& context) {
     SHIFTMAP_ASSIGN_OR_RETURN(
         const std::vector<RecurringChainsRow> more,
         CompareChains(
-            *record, record == &simulated ? &truth.chain() : nullptr, options, [&](double done) {
+            *record, record == &simulated ? &truth.chain : nullptr, options, [&](double done) {
               progress->Update(record->name, done);
             }));
     rows.insert(rows.end(), more.begin(), more.end());

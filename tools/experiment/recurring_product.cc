@@ -78,7 +78,7 @@ StatusOr<GroupChain> FitNight(const MapSnapshot& map, Stamp end, MapStore* store
   MapContent content = map.content();
   SHIFTMAP_ASSIGN_OR_RETURN(std::vector<GroupChain> chains,
                             LearnGroupChains(content.groups, rows, {}));
-  content.groups.front().chain = chains.front().chain.chain();
+  content.groups.front().chain = chains.front().chain.chain;
   content.stamp = end;
   CommitOptions commit;
   commit.parent = map.version();
@@ -94,7 +94,7 @@ StatusOr<bool> IsRecomputed(const MapSnapshot& map, MapStore* store) {
   SHIFTMAP_ASSIGN_OR_RETURN(const std::vector<GroupChain> chains,
                             LearnGroupChains(map.groups(), rows, {}));
   const ModeChain& stored = map.groups().front().chain;
-  const ModeChain& learned = chains.front().chain.chain();
+  const ModeChain& learned = chains.front().chain.chain;
   if (stored.rate_matrix() != learned.rate_matrix()) return false;
   if (stored.rhythm() == nullptr || learned.rhythm() == nullptr) {
     return stored.rhythm() == learned.rhythm();
@@ -133,7 +133,7 @@ StatusOr<ReplayedRecord> ReplayRecord(const ChainHistory& train, const ChainHist
   result.leave_per_day = kSecondsPerDay * learned.chain.leave.rate_per_s;
   result.low_per_day = kSecondsPerDay * learned.chain.leave.low_per_s;
   result.high_per_day = kSecondsPerDay * learned.chain.leave.high_per_s;
-  if (const ChainRhythm* const rhythm = learned.chain.chain().rhythm()) {
+  if (const ChainRhythm* const rhythm = learned.chain.chain.rhythm()) {
     result.rhythm = rhythm->calendar().period;
   }
   return result;

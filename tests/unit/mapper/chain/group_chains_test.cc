@@ -78,7 +78,7 @@ TEST(GroupChainsTest, AVehicleThatContradictsTheOthersTeachesNoMoves) {
   const auto mean_rate = [&](const std::vector<EvidenceRow>& evidence) {
     const auto chains = LearnGroupChains(groups, evidence, {});
     double sum = 0.0;
-    for (const GroupChain& chain : *chains) sum += chain.chain.chain().leave_rate_per_s();
+    for (const GroupChain& chain : *chains) sum += chain.chain.chain.leave_rate_per_s();
     return sum / static_cast<double>(groups.size());
   };
   EXPECT_NEAR(mean_rate(all), mean_rate(honest), 0.1 * mean_rate(honest));
@@ -127,18 +127,18 @@ TEST(GroupChainsTest, AChainGetsARhythmWhereItsVisitsSupportIt) {
   }
   const auto chains = LearnGroupChains(groups, rows, {});
   ASSERT_TRUE(chains.ok());
-  ASSERT_NE((*chains)[0].chain.chain().rhythm(), nullptr);
+  ASSERT_NE((*chains)[0].chain.chain.rhythm(), nullptr);
   EXPECT_GT((*chains)[0].rhythm_gain, 20.0);
   for (std::size_t i = 1; i < groups.size(); ++i) {
-    EXPECT_EQ((*chains)[i].chain.chain().rhythm(), nullptr) << i;
+    EXPECT_EQ((*chains)[i].chain.chain.rhythm(), nullptr) << i;
     EXPECT_LT((*chains)[i].rhythm_gain, 3.0) << i;
   }
   GroupChainOptions options;
   options.learn_rhythms = false;
   const auto without = LearnGroupChains(groups, rows, options);
   ASSERT_TRUE(without.ok());
-  EXPECT_EQ((*without)[0].chain.chain().rhythm(), nullptr);
-  EXPECT_EQ((*without)[0].chain.chain().rate_matrix(), (*chains)[0].chain.chain().rate_matrix());
+  EXPECT_EQ((*without)[0].chain.chain.rhythm(), nullptr);
+  EXPECT_EQ((*without)[0].chain.chain.rate_matrix(), (*chains)[0].chain.chain.rate_matrix());
 }
 
 TEST(GroupChainsTest, OrderOfRowsAndRowsGivenTwiceChangeNothing) {
@@ -155,7 +155,7 @@ TEST(GroupChainsTest, OrderOfRowsAndRowsGivenTwiceChangeNothing) {
   ASSERT_TRUE(expected.ok() && chains.ok());
   for (std::size_t i = 0; i < groups.size(); ++i) {
     EXPECT_EQ((*chains)[i].chain.signature, groups[i].signature);
-    EXPECT_EQ((*chains)[i].chain.chain().rate_matrix(), (*expected)[i].chain.chain().rate_matrix());
+    EXPECT_EQ((*chains)[i].chain.chain.rate_matrix(), (*expected)[i].chain.chain.rate_matrix());
     EXPECT_EQ((*chains)[i].chain.leave.high_per_s, (*expected)[i].chain.leave.high_per_s);
   }
 }
@@ -204,7 +204,7 @@ TEST(GroupChainsTest, WithoutEvidenceThePriorStays) {
   const Gamma prior{options.prior_jumps, options.prior_jumps / options.leave_rate_per_s};
   for (const GroupChain& group : *chains) {
     EXPECT_FALSE(group.learned);
-    EXPECT_TRUE(group.chain.chain().uniform());
+    EXPECT_TRUE(group.chain.chain.uniform());
     EXPECT_NEAR(group.chain.leave.rate_per_s, 3e-6, 1e-9);
     EXPECT_NEAR(group.chain.leave.high_per_s, prior.Quantile(0.975), 1e-2 * prior.Quantile(0.975));
   }
@@ -259,7 +259,7 @@ TEST(GroupChainsTest, LongIrregularLedgersAreLearnedFromToo) {
   const auto chains = LearnGroupChains(groups, rows, {});
   ASSERT_TRUE(chains.ok());
   for (const GroupChain& group : *chains) {
-    EXPECT_FALSE(group.chain.chain().uniform());
+    EXPECT_FALSE(group.chain.chain.uniform());
     EXPECT_LT(group.chain.leave.low_per_s, truth.leave_rate_per_s());
     EXPECT_GT(group.chain.leave.high_per_s, truth.leave_rate_per_s());
   }

@@ -57,7 +57,7 @@ TEST(ReplayRecord, PredictsAsTheFitDoesByItself) {
   }
   const double length_h = ToSeconds(test.visits.back().end - test.visits.front().begin) / 3600.0;
   const double by_itself = PredictiveLogLikelihood(test, 1, hours) / length_h;
-  const double without = PredictiveLogLikelihood(test, 1, {whole->chain()}) / length_h;
+  const double without = PredictiveLogLikelihood(test, 1, {whole->chain}) / length_h;
   EXPECT_NEAR(replayed->nats_per_hour, by_itself, 0.02);
   EXPECT_GT(replayed->nats_per_hour, without + 0.02);
 }
