@@ -634,7 +634,7 @@ Eigen::VectorXd Localizer::Probabilities(int group) const {
 
 LocalizerState Localizer::JudgeState() const {
   if (!bank_) return LocalizerState::kInitializing;
-  if (health_.lost() || rival_ || in_gap_ || vague_ || StartsInDoubt()) {
+  if (health_.lost() || health_.unproven() || rival_ || in_gap_ || vague_ || StartsInDoubt()) {
     return LocalizerState::kLost;
   }
   const Duration hold = FromSeconds(options_.state_hold_s);

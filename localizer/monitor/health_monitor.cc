@@ -96,6 +96,7 @@ double HealthMonitor::ExplainedShare(Tallies::const_iterator begin) const {
 }
 
 void HealthMonitor::Judge() {
+  unproven_ = IsUnproven();
   if (lost_) {
     const auto begin = StretchBegin(0.0, options_.min_observations);
     // Two landmarks agree with some pose, always.
@@ -125,6 +126,16 @@ bool HealthMonitor::LandmarksMoved(Tallies::const_iterator begin) const {
     sum.pairs += it->pairs.pairs;
   }
   return sum.pairs >= options_.min_pairs && sum.as_in_map < options_.min_pair_share * sum.pairs;
+}
+
+bool HealthMonitor::IsUnproven() const {
+  if (tallies_.empty()) return false;
+  const AtModes seen = CountAtModes(tallies_.back().stamp - FromSeconds(options_.unproven_s));
+  PoseSupport support;
+  support.agreeing = seen.yes + seen.of_start;
+  support.failing = seen.no;
+  // Two landmarks agree with some pose, always.
+  return support.agreeing < kMinAgreeing && FailureTail(support) < options_.unproven_tail;
 }
 
 void HealthMonitor::MarkStart() {
@@ -170,6 +181,7 @@ void HealthMonitor::Reset() {
   std::fill(last_.begin(), last_.end(), LastSeen());
   tallies_.clear();
   lost_ = false;
+  unproven_ = false;
 }
 
 }  // namespace shiftmap

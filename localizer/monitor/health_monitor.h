@@ -47,6 +47,11 @@ struct HealthOptions {
   /// Found: this share of the same number of observations agrees.
   double found_share = 0.5;
 
+  /// Unproven: of the landmarks seen in this time [s], at most two stand where the map has them,
+  /// and as many do not as have moved at once with less than this probability (FailureTail).
+  double unproven_s = 60.0;
+  double unproven_tail = 0.01;
+
   /// Landmarks moved, and the pose is not wrong: of at least this number of pairs of failing
   /// landmarks, a smaller share than this keeps its distance.
   int min_pairs = 4;
@@ -88,6 +93,9 @@ class HealthMonitor {
 
   /// Lost by DeclareLost(): the pose is wrong, and not only in doubt.
   bool wrong() const { return lost_ && wrong_; }
+
+  /// By the last Judge(), the map does not prove the pose, be it right or wrong (HealthOptions).
+  bool unproven() const { return unproven_; }
 
   /// Of the last observations, those from `since` on and not of `except` (-1: of all).
   PoseSupport Support(Stamp since, int except) const;
@@ -146,6 +154,7 @@ class HealthMonitor {
   Tallies::const_iterator StretchBegin(double seconds, int observations) const;
   double ExplainedShare(Tallies::const_iterator begin) const;
   bool LandmarksMoved(Tallies::const_iterator begin) const;
+  bool IsUnproven() const;
 
   static constexpr std::size_t kScans = 512;
 
@@ -155,6 +164,7 @@ class HealthMonitor {
   Tallies tallies_{kScans};     // Of scans in which something was seen.
   bool lost_ = false;
   bool wrong_ = false;
+  bool unproven_ = false;
   Stamp failing_since_;
 };
 

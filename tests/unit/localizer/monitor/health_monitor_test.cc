@@ -129,6 +129,33 @@ TEST(HealthMonitor, AVehicleIsNotLostWhileOneOfFourAgrees) {
   EXPECT_FALSE(health.lost());
 }
 
+// Landmarks that moved agree with a pose at the places where that pose has them: they do not prove
+// it. If each has moved with probability 1/3, five of five have with 0.4 %, six of seven with 0.7 %
+// and five of six with 1.8 %.
+TEST(HealthMonitor, LandmarksThatMovedDoNotProveThePose) {
+  const auto unproven = [](int at_modes, int moved, double seconds) {
+    HealthMonitor health(20);
+    int group = 0;
+    for (; group < at_modes; ++group) health.Add(At(0.0), group, true, 2.0);
+    for (; group < at_modes + moved; ++group) {
+      health.Add(At(seconds), group, true, std::nullopt);
+      health.Judge();
+    }
+    return health.unproven();
+  };
+  EXPECT_FALSE(unproven(0, 4, 0.0));
+  EXPECT_TRUE(unproven(0, 5, 0.0));
+  EXPECT_FALSE(unproven(1, 5, 0.0));
+  EXPECT_TRUE(unproven(1, 6, 0.0));
+  EXPECT_FALSE(unproven(2, 6, 0.0));
+  EXPECT_TRUE(unproven(2, 7, 0.0));
+  // Three that agree prove it, as many as have moved.
+  EXPECT_FALSE(unproven(3, 17, 0.0));
+  // What agreed two minutes ago says nothing of the pose now.
+  EXPECT_FALSE(unproven(5, 5, 59.0));
+  EXPECT_TRUE(unproven(5, 5, 120.0));
+}
+
 TEST(HealthMonitor, LandmarksThatDoNotKeepTheirDistancesMoved) {
   HealthMonitor health(4);
   for (double t = 0.0; t < 60.0; t += kScanS) AddScan(t, 0, {6, 1}, &health);
