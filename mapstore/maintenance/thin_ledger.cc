@@ -71,7 +71,6 @@ class SummedRows {
     parts_.push_back(
         {ToSecondsSinceEpoch(sure.row.begin), ToSecondsSinceEpoch(sure.row.end), sure.summary});
     const bool first = rows_.size() == 1;
-    begin_ = first ? sure.row.begin : std::min(begin_, sure.row.begin);
     end_ = first ? sure.row.end : std::max(end_, sure.row.end);
     if (first || sure.margin < least_.margin) least_ = sure;
   }
@@ -92,8 +91,9 @@ class SummedRows {
     const double most = static_cast<double>(visits_ - 1);
     const double steps = std::clamp(std::round(std::min(equivalent, needed)), 1.0, most);
     ThinnedRows::Summary sum;
-    sum.row = rows_.front();
-    sum.row.begin = begin_;
+    // Of the report with the first of them: no report has rows from before its first visit.
+    sum.row = *std::min_element(
+        rows_.begin(), rows_.end(), [](const auto& a, const auto& b) { return a.begin < b.begin; });
     sum.row.end = end_;
     sum.observations = seen ? visits_ : 0;
     sum.log_likelihoods = least_.log_likelihoods;
@@ -140,7 +140,6 @@ class SummedRows {
   std::vector<LedgerKey> rows_;
   std::vector<Part> parts_;
   SureRow least_;
-  Stamp begin_;
   Stamp end_;
   std::int64_t visits_ = 0;
 };

@@ -224,6 +224,32 @@ TEST_F(ThinTest, SummariesAreSummedUp) {
   EXPECT_NEAR(LikeliestRate(&store) / kRate, 1.0, 0.8);
 }
 
+// Two vehicles pass at about the same times, now the one and now the other first: a summary has
+// rows of both, and no report is given one from before its first visit.
+TEST_F(CompactTest, SummariesOfParallelShiftsAreSound) {
+  std::mt19937_64 random(TestSeed(9));
+  std::uniform_real_distribution<double> later(0.0, 3000.0);
+  for (int trial = 0; trial < 20; ++trial) {
+    const std::string path = dir_.File(std::to_string(trial) + ".db");
+    MapStore store = OpenStore(path);
+    const CommitResult version = *store.Commit("a", TwoStateContent(1e-9, 0.5, At(0.0)), {}, {});
+    for (int shift = 0; shift < 6; ++shift) {
+      for (int vehicle = 0; vehicle < 3; ++vehicle) {
+        ShiftReport report = EmptyReport(version, "a", 3 * shift + vehicle);
+        report.vehicle = "truck " + std::to_string(vehicle);
+        const Stamp begin = At(1e4 * shift + later(random));
+        report.evidence.push_back(TwoStateEvidence(begin, begin, 0.0, 20.0));
+        report.end = begin;
+        ASSERT_THAT(store.Return(report), IsOk());
+      }
+    }
+    RetentionPolicy policy;
+    policy.thin_before = At(1e6);
+    ASSERT_GT(CompactStore(path, policy, false)->thinned_rows, 0);
+    EXPECT_TRUE(VerifyStore(path)->clean()) << trial;
+  }
+}
+
 // What is neither here nor there by itself adds up.
 TEST_F(CompactTest, ALongSilenceStays) {
   const std::string path = dir_.File("b.db");
