@@ -235,7 +235,7 @@ class MapStore {
   /// Takes a run, or the runs of a vehicle, out of an area's memory: whatever is derived is as if
   /// they had never come, bit by bit. What a statement accounts for stays in it, and positions that
   /// were made from them stay in their versions (ExcludedRunsOf). An exclusion takes the
-  /// place of a hold, since the earlier of the two times.
+  /// place of a hold, and one of a vehicle that of a later one, since the earlier of the two times.
   /// @param exclusion  Its run may be the first digits of what the store knows, or the UUID or hash
   ///                   of a run, or the UUID of a report, that the store does not know yet. An
   ///                   exclusion of a report excludes the run of the report, at once or when the
@@ -247,6 +247,14 @@ class MapStore {
   /// Takes an exclusion or a hold back: all numbers are as they were.
   /// Errors also: kNotFound if it is neither excluded nor held.
   Status Include(const std::string& area, Exclusion exclusion, bool dry_run = false);
+
+  /// Several at once: all, or with an error none.
+  Status ExcludeAll(const std::string& area,
+                    std::vector<Exclusion> exclusions,
+                    bool dry_run = false);
+  Status IncludeAll(const std::string& area,
+                    std::vector<Exclusion> exclusions,
+                    bool dry_run = false);
 
   /// The exclusions of an area: excluded ones, then held ones, of each those of runs first.
   StatusOr<std::vector<Exclusion>> Exclusions(const std::string& area);

@@ -319,6 +319,7 @@ StatusOr<VersionNumber> MapStore::Rollback(const std::string& area,
   SHIFTMAP_ASSIGN_OR_RETURN(Transaction transaction, state_->Change(dry_run));
   SHIFTMAP_ASSIGN_OR_RETURN(const AreaRow area_row, GetArea(database, area));
   SHIFTMAP_ASSIGN_OR_RETURN(const VersionRow published, state_->PublishedRow(area, area_row));
+  if (to) SHIFTMAP_RETURN_IF_ERROR(GetVersion(database, area, area_row.area_id, *to).status());
   VersionRow at = published;
   do {
     if (!at.parent_version_id) {
@@ -358,54 +359,79 @@ Status MapStore::State::AuditExclusion(std::int64_t area_id,
       exclusion.reason.empty() ? subject : fmt::format("{}: {}", subject, exclusion.reason));
 }
 
-Status MapStore::State::ChangeExclusion(const std::string& area,
-                                        Exclusion exclusion,
-                                        bool exclude,
-                                        bool dry_run) {
-  if (exclusion.run.empty() == exclusion.vehicle.empty()) {
-    return InvalidArgument("{}: expected either a run or a vehicle to exclude", AreaName(area));
-  }
-  if (exclude && exclusion.reason.empty()) {
-    return InvalidArgument("{}: expected a reason", AreaName(area));
-  }
-  SHIFTMAP_ASSIGN_OR_RETURN(Transaction transaction, Change(dry_run));
-  SHIFTMAP_ASSIGN_OR_RETURN(const AreaRow area_row, GetArea(database, area));
+Status MapStore::State::AddOne(const std::string& area,
+                               const Exclusion& exclusion,
+                               std::vector<Exclusion>* holding) const {
+  if (exclusion.reason.empty()) return InvalidArgument("{}: expected a reason", AreaName(area));
+  if (AddExclusion(exclusion, holding)) return OkStatus();
+  return MakeStatus(StatusCode::kAlreadyExists,
+                    "{}: {}: is {} already",
+                    AreaName(area),
+                    SubjectOf(exclusion),
+                    exclusion.held ? "excluded or held" : "excluded");
+}
+
+StatusOr<std::vector<Exclusion>> MapStore::State::EndOne(const std::string& area,
+                                                         const AreaRow& area_row,
+                                                         const Exclusion& exclusion,
+                                                         std::vector<Exclusion>* holding) {
+  std::set<std::string> names{exclusion.run};
   if (!exclusion.run.empty()) {
-    SHIFTMAP_ASSIGN_OR_RETURN(exclusion.run, FindRun(database, area_row.area_id, exclusion.run));
+    SHIFTMAP_ASSIGN_OR_RETURN(names, NamesOfRun(database, area_row.area_id, exclusion.run));
   }
-  if (dry_run) return OkStatus();
-  const Stamp now = clock();
-  exclusion.excluded = now;
-  if (exclude) {
-    SHIFTMAP_ASSIGN_OR_RETURN(const bool added,
-                              InsertExclusion(database, area_row.area_id, exclusion));
-    if (!added) {
-      return MakeStatus(StatusCode::kAlreadyExists,
-                        "{}: {}: is {} already",
+  const auto ended =
+      std::stable_partition(holding->begin(), holding->end(), [&](const Exclusion& other) {
+        return other.vehicle != exclusion.vehicle || !names.contains(other.run);
+      });
+  std::vector<Exclusion> taken(ended, holding->end());
+  holding->erase(ended, holding->end());
+  if (!taken.empty()) return taken;
+  SHIFTMAP_ASSIGN_OR_RETURN(const std::optional<std::string> vehicle,
+                            ExcludedVehicleOf(database, area_row.area_id, exclusion.run, *holding));
+  return vehicle
+             ? NotFound("{}: {}: only its vehicle is excluded or held, '{}'",
                         AreaName(area),
                         SubjectOf(exclusion),
-                        exclusion.held ? "excluded or held" : "excluded");
+                        *vehicle)
+             : NotFound(
+                   "{}: {}: is neither excluded nor held", AreaName(area), SubjectOf(exclusion));
+}
+
+Status MapStore::State::ChangeExclusions(const std::string& area,
+                                         std::vector<Exclusion> exclusions,
+                                         bool exclude,
+                                         bool dry_run) {
+  SHIFTMAP_ASSIGN_OR_RETURN(Transaction transaction, Change(dry_run));
+  SHIFTMAP_ASSIGN_OR_RETURN(const AreaRow area_row, GetArea(database, area));
+  SHIFTMAP_ASSIGN_OR_RETURN(std::vector<Exclusion> holding,
+                            ReadExclusions(database, area_row.area_id));
+  const Stamp now = clock();
+  for (Exclusion& exclusion : exclusions) {
+    if (exclusion.run.empty() == exclusion.vehicle.empty()) {
+      return InvalidArgument("{}: expected either a run or a vehicle to exclude", AreaName(area));
     }
-  } else {
-    std::set<std::string> names{exclusion.run};
     if (!exclusion.run.empty()) {
-      SHIFTMAP_ASSIGN_OR_RETURN(names, NamesOfRun(database, area_row.area_id, exclusion.run));
+      SHIFTMAP_ASSIGN_OR_RETURN(exclusion.run, FindRun(database, area_row.area_id, exclusion.run));
     }
-    bool ended = false;
-    for (const std::string& name : names) {
-      Exclusion by_name = exclusion;
-      by_name.run = name;
-      SHIFTMAP_ASSIGN_OR_RETURN(const bool by_this,
-                                EndExclusion(database, area_row.area_id, by_name, now));
-      ended = ended || by_this;
+    exclusion.excluded = now;
+    std::vector<Exclusion> ended;
+    if (exclude) {
+      SHIFTMAP_RETURN_IF_ERROR(AddOne(area, exclusion, &holding));
+    } else {
+      SHIFTMAP_ASSIGN_OR_RETURN(ended, EndOne(area, area_row, exclusion, &holding));
     }
-    if (!ended) {
-      return NotFound("{}: {}: is neither excluded nor held", AreaName(area), SubjectOf(exclusion));
+    if (dry_run) continue;
+    if (exclude) {
+      SHIFTMAP_RETURN_IF_ERROR(InsertExclusion(database, area_row.area_id, exclusion).status());
     }
+    for (const Exclusion& one : ended) {
+      SHIFTMAP_RETURN_IF_ERROR(EndExclusion(database, area_row.area_id, one, now).status());
+    }
+    SHIFTMAP_RETURN_IF_ERROR(AuditExclusion(area_row.area_id, exclusion, !exclude));
   }
+  if (dry_run) return OkStatus();
   SHIFTMAP_RETURN_IF_ERROR(
       DeleteCheckpointsAfter(database, area_row.area_id, Stamp::min()).status());
-  SHIFTMAP_RETURN_IF_ERROR(AuditExclusion(area_row.area_id, exclusion, !exclude));
   std::optional<VersionRow> published;
   if (area_row.published) {
     SHIFTMAP_ASSIGN_OR_RETURN(published, PublishedRow(area, area_row));
@@ -416,11 +442,23 @@ Status MapStore::State::ChangeExclusion(const std::string& area,
 }
 
 Status MapStore::Exclude(const std::string& area, Exclusion exclusion, bool dry_run) {
-  return state_->ChangeExclusion(area, std::move(exclusion), true, dry_run);
+  return ExcludeAll(area, {std::move(exclusion)}, dry_run);
 }
 
 Status MapStore::Include(const std::string& area, Exclusion exclusion, bool dry_run) {
-  return state_->ChangeExclusion(area, std::move(exclusion), false, dry_run);
+  return IncludeAll(area, {std::move(exclusion)}, dry_run);
+}
+
+Status MapStore::ExcludeAll(const std::string& area,
+                            std::vector<Exclusion> exclusions,
+                            bool dry_run) {
+  return state_->ChangeExclusions(area, std::move(exclusions), true, dry_run);
+}
+
+Status MapStore::IncludeAll(const std::string& area,
+                            std::vector<Exclusion> exclusions,
+                            bool dry_run) {
+  return state_->ChangeExclusions(area, std::move(exclusions), false, dry_run);
 }
 
 }  // namespace shiftmap

@@ -2,6 +2,7 @@
 #include "mapstore/store/exclusion_rows.h"
 
 #include <algorithm>
+#include <utility>
 
 #include "mapstore/map/shift_report_check.h"
 #include "mapstore/sqlite/row_checksum.h"
@@ -42,33 +43,44 @@ StatusOr<std::vector<Exclusion>> ReadExclusions(Database& database,
   }
 }
 
-StatusOr<bool> InsertExclusion(Database& database, std::int64_t area_id, Exclusion exclusion) {
-  if (!exclusion.held) {
-    SHIFTMAP_ASSIGN_OR_RETURN(
-        Statement hold, database.Prepare(std::string(kEnd) + "AND held <> 0 RETURNING since_ns"));
-    hold.Bind(area_id, exclusion.run, exclusion.vehicle, ToNanoseconds(exclusion.excluded));
-    SHIFTMAP_ASSIGN_OR_RETURN(const bool ended, hold.Step());
-    if (ended) {
-      exclusion.since = std::min(exclusion.since, StampFromNanoseconds(hold.Int64(0)));
-      SHIFTMAP_RETURN_IF_ERROR(hold.Step().status());
-    }
+bool AddExclusion(Exclusion exclusion, std::vector<Exclusion>* holding) {
+  if (!exclusion.run.empty()) exclusion.since = {};
+  const auto same = std::find_if(holding->begin(), holding->end(), [&](const Exclusion& other) {
+    return other.run == exclusion.run && other.vehicle == exclusion.vehicle;
+  });
+  if (same == holding->end()) {
+    holding->push_back(std::move(exclusion));
+    return true;
   }
+  const bool stronger = same->held && !exclusion.held;
+  const bool longer = same->held == exclusion.held && exclusion.since < same->since;
+  if (!stronger && !longer) return false;
+  exclusion.since = std::min(exclusion.since, same->since);
+  *same = std::move(exclusion);
+  return true;
+}
+
+StatusOr<bool> InsertExclusion(Database& database, std::int64_t area_id, Exclusion exclusion) {
+  SHIFTMAP_ASSIGN_OR_RETURN(std::vector<Exclusion> holding, ReadExclusions(database, area_id));
+  if (!AddExclusion(exclusion, &holding)) return false;
+  SHIFTMAP_RETURN_IF_ERROR(EndExclusion(database, area_id, exclusion, exclusion.excluded).status());
+  const auto added = std::find_if(holding.begin(), holding.end(), [&](const Exclusion& other) {
+    return other.run == exclusion.run && other.vehicle == exclusion.vehicle;
+  });
   SHIFTMAP_ASSIGN_OR_RETURN(
       Statement row,
-      database.Prepare(
-          InsertRowSql("exclusion",
-                       "area_id, run, vehicle, since_ns, held, reason, excluded_ns, included_ns") +
-          " ON CONFLICT DO NOTHING"));
+      database.Prepare(InsertRowSql(
+          "exclusion", "area_id, run, vehicle, since_ns, held, reason, excluded_ns, included_ns")));
   row.Bind(area_id,
-           exclusion.run,
-           exclusion.vehicle,
-           exclusion.vehicle.empty() ? std::int64_t{0} : ToNanoseconds(exclusion.since),
-           exclusion.held ? 1 : 0,
-           exclusion.reason,
-           ToNanoseconds(exclusion.excluded),
+           added->run,
+           added->vehicle,
+           added->vehicle.empty() ? std::int64_t{0} : ToNanoseconds(added->since),
+           added->held ? 1 : 0,
+           added->reason,
+           ToNanoseconds(added->excluded),
            std::optional<std::int64_t>());
   SHIFTMAP_RETURN_IF_ERROR(row.Execute());
-  return database.Changes() > 0;
+  return true;
 }
 
 StatusOr<bool> EndExclusion(Database& database,
@@ -137,6 +149,26 @@ StatusOr<std::string> FindRun(Database& database, std::int64_t area_id, const st
   SHIFTMAP_ASSIGN_OR_RETURN(const bool another, query.Step());
   if (!another) return run;
   return InvalidArgument("{}: more than one run is or begins with '{}'", database.name(), text);
+}
+
+StatusOr<std::optional<std::string>> ExcludedVehicleOf(Database& database,
+                                                       std::int64_t area_id,
+                                                       const std::string& identity,
+                                                       const std::vector<Exclusion>& holding) {
+  SHIFTMAP_ASSIGN_OR_RETURN(
+      Statement query,
+      database.Prepare("SELECT vehicle, begin_ns FROM run JOIN version_run USING (run_id) "
+                       "JOIN version USING (version_id) WHERE identity = ?1 AND area_id = ?2 UNION "
+                       "SELECT r.vehicle, r.begin_ns FROM shift_report r "
+                       "JOIN version USING (version_id) WHERE identity = ?1 AND area_id = ?2"));
+  query.Bind(identity, area_id);
+  for (;;) {
+    SHIFTMAP_ASSIGN_OR_RETURN(const bool row, query.Step());
+    if (!row) return std::optional<std::string>();
+    const Exclusion* const found =
+        FindExclusion(holding, identity, "", query.Text(0), StampFromNanoseconds(query.Int64(1)));
+    if (found != nullptr && !found->vehicle.empty()) return found->vehicle;
+  }
 }
 
 StatusOr<std::set<std::string>> NamesOfRun(Database& database,

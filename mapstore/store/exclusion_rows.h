@@ -19,8 +19,11 @@ StatusOr<std::vector<Exclusion>> ReadExclusions(Database& database,
                                                 std::int64_t area_id,
                                                 std::optional<Stamp> known = std::nullopt);
 
-/// Adds one. An exclusion takes the place of a hold, since the earlier of the two times. Returns
-/// false if one is there.
+/// Adds one to those that hold. An exclusion takes the place of a hold, and one of a vehicle that
+/// of a later one, since the earlier of the two times. Returns false if one is there.
+bool AddExclusion(Exclusion exclusion, std::vector<Exclusion>* holding);
+
+/// The same in the database.
 StatusOr<bool> InsertExclusion(Database& database, std::int64_t area_id, Exclusion exclusion);
 
 /// Takes one back. Returns false if none holds.
@@ -45,6 +48,12 @@ StatusOr<bool> WasIncluded(Database& database, std::int64_t area_id, const std::
 /// of which a log of that name was mapped. Errors: kInvalidArgument if it may be several; kNotFound
 /// if it is none.
 StatusOr<std::string> FindRun(Database& database, std::int64_t area_id, const std::string& text);
+
+/// The vehicle whose exclusion or hold is about a run; nothing if the run is not known, or none is.
+StatusOr<std::optional<std::string>> ExcludedVehicleOf(Database& database,
+                                                       std::int64_t area_id,
+                                                       const std::string& identity,
+                                                       const std::vector<Exclusion>& holding);
 
 /// The identity of a run, the SHA-256 of each log of it that the store knows, and the UUID of each
 /// report about it.

@@ -89,8 +89,23 @@ struct MapStore::State {
   /// MapStore::ExportWithIdentity, once. Errors also: kAborted if a writer came in between.
   StatusOr<ExportedSnapshot> Export(const std::string& area, const std::string& path);
 
-  /// MapStore::Exclude and Include.
-  Status ChangeExclusion(const std::string& area, Exclusion exclusion, bool exclude, bool dry_run);
+  /// MapStore::ExcludeAll and IncludeAll.
+  Status ChangeExclusions(const std::string& area,
+                          std::vector<Exclusion> exclusions,
+                          bool exclude,
+                          bool dry_run);
+
+  /// Adds one to those that hold. Errors: as MapStore::Exclude.
+  Status AddOne(const std::string& area,
+                const Exclusion& exclusion,
+                std::vector<Exclusion>* holding) const;
+
+  /// Takes one out of those that hold, by each name of its run, and returns what is taken out.
+  /// Errors: as MapStore::Include.
+  StatusOr<std::vector<Exclusion>> EndOne(const std::string& area,
+                                          const AreaRow& area_row,
+                                          const Exclusion& exclusion,
+                                          std::vector<Exclusion>* holding);
 
   /// What a report is about, as the store has it.
   struct Reportable {

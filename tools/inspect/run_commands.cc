@@ -210,15 +210,17 @@ Status Change(const RunsArguments& arguments, Context& context) {
   const std::string& area = arguments.store.area;
   Json list = Json::array();
   std::string text;
-  for (const Exclusion& exclusion : Named(arguments)) {
-    SHIFTMAP_RETURN_IF_ERROR(include ? store.Include(area, exclusion, context.dry_run())
-                                     : store.Exclude(area, exclusion, context.dry_run()));
+  const std::vector<Exclusion> named = Named(arguments);
+  SHIFTMAP_RETURN_IF_ERROR(include ? store.IncludeAll(area, named, context.dry_run())
+                                   : store.ExcludeAll(area, named, context.dry_run()));
+  for (const Exclusion& exclusion : named) {
     list.push_back(ExclusionJson(exclusion));
     if (include) list.back()["state"] = "included";
     const bool run = exclusion.vehicle.empty();
-    text += fmt::format("{} {}: {}\n",
+    text += fmt::format("{} {}: {}{}\n",
                         run ? "run" : "vehicle",
                         InertLine(run ? exclusion.run : exclusion.vehicle),
+                        context.dry_run() ? "would be " : "",
                         include ? "included again" : StateText(exclusion));
   }
   SHIFTMAP_RETURN_IF_ERROR(WarnOfPublished(area, &store, context));
@@ -238,6 +240,9 @@ std::string Misused(const RunsArguments& arguments) {
   if (!named) return "expected runs, or --vehicle";
   if (arguments.store.version || arguments.all) return "--version and --all are for list";
   if (arguments.since_s && arguments.vehicle.empty()) return "--since is for --vehicle";
+  if (arguments.since_s && arguments.action == kInclude) {
+    return "--since is to exclude or hold: include takes back all that was taken out of a vehicle";
+  }
   const bool needs_reason = arguments.action != kInclude;
   return needs_reason && arguments.reason.empty() ? "expected --reason" : "";
 }
@@ -261,7 +266,7 @@ void AddRunCommands(Application* application) {
           &arguments->runs,
           "SHA-256 of a log, or UUID of a report, or how it begins; or the name of a mapped log")
       .Option("--vehicle", &arguments->vehicle, "All runs of a vehicle")
-      .Time("--since", &arguments->since_s, "Of these: that begin then or later")
+      .Time("--since", &arguments->since_s, "To exclude or hold: those that begin then or later")
       .Option("--reason", &arguments->reason, "For the audit log; to exclude or hold")
       .Option("--version",
               &arguments->store.version,

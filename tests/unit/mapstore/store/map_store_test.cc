@@ -352,6 +352,8 @@ TEST_F(MapStoreTest, PublishAndRollbackMoveThePointerByCompareAndSwap) {
                        "no ancestor; shiftmap-inspect publish N --expected 1 takes another"));
   EXPECT_THAT(store_.Rollback("level 1", second),
               StatusIs(StatusCode::kInvalidArgument, "no ancestor"));
+  EXPECT_THAT(store_.Rollback("level 1", VersionNumber(9)),
+              StatusIs(StatusCode::kNotFound, "version 9"));
   std::vector<std::string> log;
   const std::vector<AuditEntry> entries = *store_.AuditLog("level 1");
   for (const AuditEntry& entry : entries) {

@@ -441,6 +441,59 @@ TEST_F(MappedEvidenceTest, ARunIsNamedWithinItsArea) {
               StatusIs(StatusCode::kNotFound, "no run"));
 }
 
+TEST_F(MappedEvidenceTest, ExclusionsOfOneCommandAreOne) {
+  Map({0, 1, 2}, std::nullopt);
+  const auto excluded = [&] { return store_.Exclusions("a")->size(); };
+  const Exclusion first{Hash(0), "", {}, "slipped", {}};
+  const Exclusion second{Hash(1), "", {}, "slipped", {}};
+  // A run that is none, and one that is named twice.
+  EXPECT_THAT(store_.ExcludeAll("a", {first, {"typo", "", {}, "slipped", {}}}),
+              StatusIs(StatusCode::kNotFound, "no run 'typo'"));
+  EXPECT_THAT(store_.ExcludeAll("a", {first, second, first}),
+              StatusIs(StatusCode::kAlreadyExists, "is excluded already"));
+  EXPECT_EQ(excluded(), 0u);
+  ASSERT_THAT(store_.ExcludeAll("a", {first, second}), IsOk());
+  EXPECT_EQ(excluded(), 2u);
+  EXPECT_THAT(store_.IncludeAll("a", {first, {Hash(2), "", {}, "", {}}}),
+              StatusIs(StatusCode::kNotFound, "is neither excluded nor held"));
+  EXPECT_EQ(excluded(), 2u);
+}
+
+TEST_F(MappedEvidenceTest, ADryRunOfAnExclusionChecksAllAndWritesNothing) {
+  Map({0, 1}, std::nullopt);
+  const Exclusion run{Hash(1), "", {}, "slipped", {}};
+  EXPECT_THAT(store_.Exclude("a", run, true), IsOk());
+  EXPECT_THAT(*store_.Exclusions("a"), IsEmpty());
+  EXPECT_THAT(store_.Exclude("a", {Hash(1), "", {}, "", {}}, true),
+              StatusIs(StatusCode::kInvalidArgument, "expected a reason"));
+  EXPECT_THAT(store_.Include("a", run, true),
+              StatusIs(StatusCode::kNotFound, "is neither excluded nor held"));
+  ASSERT_THAT(store_.Exclude("a", run), IsOk());
+  EXPECT_THAT(store_.Exclude("a", run, true),
+              StatusIs(StatusCode::kAlreadyExists, "is excluded already"));
+  EXPECT_THAT(store_.Include("a", run, true), IsOk());
+  EXPECT_THAT(*store_.Exclusions("a"), SizeIs(1));
+}
+
+TEST_F(MappedEvidenceTest, AnExclusionOfAVehicleCanBeginEarlier) {
+  const CommitResult first = Map({0, 1}, std::nullopt);
+  const std::string vehicle = Run(0).vehicle;
+  ASSERT_EQ(Run(1).vehicle, vehicle);
+  ASSERT_LT(Run(0).begin, Run(1).begin);
+  ASSERT_THAT(store_.Exclude("a", {"", vehicle, Run(1).begin, "slips", {}}), IsOk());
+  EXPECT_THAT(*store_.ExcludedRunsOf("a", first.version), ElementsAre("run 1"));
+  EXPECT_THAT(store_.Exclude("a", {"", vehicle, Run(1).begin, "again", {}}),
+              StatusIs(StatusCode::kAlreadyExists, "is excluded already"));
+  ASSERT_THAT(store_.Exclude("a", {"", vehicle, At(-1e6), "slips for long", {}}), IsOk());
+  EXPECT_THAT(*store_.ExcludedRunsOf("a", first.version), ElementsAre("run 0", "run 1"));
+  EXPECT_THAT(*store_.Exclusions("a"), SizeIs(1));
+  EXPECT_THAT(
+      store_.Include("a", {Hash(0), "", {}, "", {}}),
+      StatusIs(StatusCode::kNotFound, "only its vehicle is excluded or held, '" + vehicle + "'"));
+  ASSERT_THAT(store_.Include("a", {"", vehicle, {}, "", {}}), IsOk());
+  EXPECT_THAT(*store_.ExcludedRunsOf("a", first.version), IsEmpty());
+}
+
 // The oracle is the same run excluded.
 TEST_F(MappedEvidenceTest, AHeldRunCountsForNothingAndItsVersionsStayGood) {
   const CommitResult first = Map({0, 1}, std::nullopt);
