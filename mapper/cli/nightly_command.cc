@@ -21,6 +21,7 @@
 #include "mapper/nightly/night_plan.h"
 #include "mapstore/cli/exit_codes.h"
 #include "mapstore/cli/stop_signals.h"
+#include "mapstore/core/inert_text.h"
 
 namespace shiftmap {
 namespace {
@@ -133,7 +134,7 @@ Status RunPlan(const NightlyArguments& arguments, Context& context) {
                      {"area", plan.areas[i].area},
                      {"runs_new", plan.areas[i].logs.fresh.size()}});
     text += fmt::format(
-        "{}: {}, {} new runs\n", i, plan.areas[i].area, plan.areas[i].logs.fresh.size());
+        "{}: {}, {} new runs\n", i, InertLine(plan.areas[i].area), plan.areas[i].logs.fresh.size());
   }
   context.Report({{"plan", *arguments.output}, {"areas", areas}, {"left", plan.left}}, text);
   return OkStatus();

@@ -13,6 +13,7 @@
 
 #include "mapstore/core/csv.h"
 #include "mapstore/core/input_file.h"
+#include "mapstore/core/utf8.h"
 
 namespace shiftmap {
 namespace {
@@ -39,6 +40,9 @@ StatusOr<SurveyRow> ParseRow(const std::vector<std::string>& fields) {
   SurveyRow row;
   row.signature = Signature(TextOfCsv(fields[0]));
   if (row.signature.anonymous()) return InvalidArgument("empty signature");
+  if (!IsUtf8(row.signature.text())) {
+    return InvalidArgument("signature '{}' is not UTF-8", row.signature.text());
+  }
   ModeNumber::Value number = 0;
   if (!Parse(fields[1], &number) || number < 0)
     return InvalidArgument("mode '{}', expected 0 or more", fields[1]);

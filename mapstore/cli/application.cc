@@ -192,7 +192,12 @@ void Application::State::RefuseUnknownOptions(std::span<const std::string> argum
     const CLI::Option* option = section.get_option_no_throw(known);
     if (option == nullptr) option = parser.get_option_no_throw(known);
     if (option != nullptr) {
-      is_value = option->get_items_expected_min() > 0 && name.size() == argument.size();
+      const bool takes_value = option->get_items_expected_min() > 0;
+      // The parser would take the next word for the value.
+      if (takes_value && name[1] == '-' && argument.size() == name.size() + 1) {
+        throw UsageError(fmt::format("{}: expected a value after '='", name));
+      }
+      is_value = takes_value && name.size() == argument.size();
       continue;
     }
     std::vector<std::string> names;

@@ -121,6 +121,13 @@ TEST(Application, SetsOptionsAndRunsTheBody) {
   EXPECT_TRUE(program.quiet);
 }
 
+// `--kind=$KIND` with nothing in KIND.
+TEST(Application, AnOptionWithoutItsValueDoesNotTakeTheNextWord) {
+  Program program;
+  ExpectUsageError(program.Run({"measure", "--tag=", "file"}), "--tag: expected a value after '='");
+  EXPECT_EQ(program.calls, 0);
+}
+
 TEST(Application, AValueMayBeginWithADash) {
   Program program;
   const Outcome outcome = program.Run({"measure", "a", "--tag", "-loose", "--tag=--x"});
