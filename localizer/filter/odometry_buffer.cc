@@ -2,14 +2,11 @@
 #include "localizer/filter/odometry_buffer.h"
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <utility>
 
 namespace shiftmap {
 namespace {
-
-constexpr Duration kHold = std::chrono::seconds(1);
 
 // Where odometry is silent: random walk of what is not known of the motion. [m/√s], [rad/√s]
 constexpr double kUnknownMotion = 0.5;
@@ -55,7 +52,8 @@ OdometryBuffer::Motion OdometryBuffer::Take(Stamp end) {
 }
 
 Duration OdometryBuffer::SilenceUntil(double sd_rad) {
-  return kHold + FromSeconds(sd_rad * sd_rad / (kUnknownMotion * kUnknownMotion));
+  return FromSeconds(kOdometryFresh) +
+         FromSeconds(sd_rad * sd_rad / (kUnknownMotion * kUnknownMotion));
 }
 
 void OdometryBuffer::Restart() {
@@ -67,15 +65,16 @@ void OdometryBuffer::Restart() {
 
 void OdometryBuffer::AdvanceTo(Stamp end) {
   const Duration lag = FromSeconds(calibration_.lag_s);
+  const Duration hold = FromSeconds(kOdometryFresh);
   while (now_ < end) {
     while (samples_.size() > 1 && samples_[1].stamp + lag <= now_) samples_.pop_front();
     const bool held = !samples_.empty() && samples_[0].stamp + lag <= now_ &&
-                      now_ < samples_[0].stamp + lag + kHold;
+                      now_ < samples_[0].stamp + lag + hold;
     Stamp next = end;
     for (std::size_t i = 0; i < std::min<std::size_t>(2, samples_.size()); ++i) {
       if (samples_[i].stamp + lag > now_) next = std::min(next, samples_[i].stamp + lag);
     }
-    if (held) next = std::min(next, samples_[0].stamp + lag + kHold);
+    if (held) next = std::min(next, samples_[0].stamp + lag + hold);
     const double elapsed_s = ToSeconds(next - now_);
     if (held) {
       const OdometrySample& sample = samples_[0];

@@ -2,6 +2,7 @@
 #include "localizer/models/motion_model.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "mapstore/geometry/arc_factors.h"
 #include "proto/core/check.h"
@@ -85,6 +86,20 @@ void AppendSilence(Duration silence, MotionSum* sum) {
   if (silence > Duration::zero()) sum->Append(0.0, 0.0, std::min(ToSeconds(silence), kMaxSilence));
 }
 
+// So long a vehicle is taken to drive on where odometry is silent [s], and to turn so [rad/√s].
+constexpr double kMaxUnknownDrive = 10.0;
+constexpr double kUnknownTurn = 0.5;
+
+// Adds what may have happened in a part of a silence. Its speed is unknown and constant, so that
+// the way grows with the time and not with its root: parts of one silence add up to that.
+void AddUnknown(double speed_mps, double part_s, double silence_s, IntegratedMotion* motion) {
+  if (part_s <= 0.0) return;
+  const double counted_s = std::min(silence_s, kMaxUnknownDrive);
+  const double share_s = part_s * counted_s / silence_s;
+  motion->unknown_way += speed_mps * speed_mps * share_s * counted_s;
+  motion->unknown_turn += kUnknownTurn * kUnknownTurn * share_s;
+}
+
 }  // namespace
 
 PoseWithCovariance Moved(const PoseWithCovariance& pose, const MotionIncrement& motion) {
@@ -146,7 +161,8 @@ void AppendMotion(double v_mps,
 MotionIncrement IntegratedMotion::WithNoise(double noise_v, double noise_omega) const {
   MotionIncrement increment{
       T_begin_end, noise_omega * noise_omega * cov_per_yaw_noise, J_calibration};
-  increment.cov.diagonal().head<2>().array() += noise_v * noise_v * slip_s;
+  increment.cov.diagonal().head<2>().array() += noise_v * noise_v * slip_s + unknown_way;
+  increment.cov(2, 2) += unknown_turn;
   return increment;
 }
 
@@ -166,6 +182,11 @@ IntegratedMotion IntegrateOdometry(std::span<const OdometrySample> odometry,
   while (i + 1 < odometry.size() && odometry[i + 1].stamp <= now) ++i;
 
   MotionSum sum;
+  IntegratedMotion unknown;
+  const Duration fresh = FromSeconds(kOdometryFresh);
+  const auto moves = [&](const OdometrySample& sample) {
+    return sample.v_mps != 0.0 || sample.omega_radps != 0.0;
+  };
   while (now < last) {
     const bool final_sample = i + 1 == odometry.size();
     const Stamp next = final_sample ? last : std::min(last, odometry[i + 1].stamp);
@@ -178,11 +199,26 @@ IntegratedMotion IntegrateOdometry(std::span<const OdometrySample> odometry,
                calibration.scale_omega * omega_radps * dt,
                dt * VarianceShare(v_mps, omega_radps));
     AppendSilence(next - to, &sum);
+    const OdometrySample& following = final_sample ? odometry[i] : odometry[i + 1];
+    if (moves(odometry[i]) || moves(following)) {
+      const double speed_mps =
+          calibration.scale_v * std::max(std::abs(v_mps), std::abs(following.v_mps));
+      const double before_s = ToSeconds(stamp - fresh - now);
+      AddUnknown(speed_mps, std::min(before_s, ToSeconds(next - now)), before_s, &unknown);
+      const Stamp silence_end = final_sample ? last : following.stamp;
+      AddUnknown(speed_mps,
+                 ToSeconds(next - std::max(now, stamp + fresh)),
+                 ToSeconds(silence_end - stamp - fresh),
+                 &unknown);
+    }
     now = next;
     if (!final_sample && odometry[i + 1].stamp <= now) ++i;
   }
   *hint = i;
-  return sum.Result();
+  IntegratedMotion motion = sum.Result();
+  motion.unknown_way = unknown.unknown_way;
+  motion.unknown_turn = unknown.unknown_turn;
+  return motion;
 }
 
 MotionIncrement IntegrateMotion(std::span<const OdometrySample> odometry,

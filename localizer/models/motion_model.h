@@ -64,8 +64,19 @@ struct IntegratedMotion {
   /// Covariance per noise_omega², order (x, y, yaw), in the end frame. [m²s, m·rad·s, rad²s]
   Eigen::Matrix3d cov_per_yaw_noise = Eigen::Matrix3d::Zero();
 
+  /// What may have happened where odometry was silent: variance of x and of y [m²], and of yaw
+  /// [rad²].
+  double unknown_way = 0.0;
+  double unknown_turn = 0.0;
+
+  /// Odometry measured all of it, or the vehicle stood.
+  bool Measured() const { return unknown_turn == 0.0; }
+
   MotionIncrement WithNoise(double noise_v, double noise_omega) const;
 };
+
+/// A velocity that odometry said longer ago may have changed. [s]
+inline constexpr double kOdometryFresh = 1.0;
 
 /// A recorded sample of odometry holds for as long at most. [s]
 inline constexpr double kOdometryHold = 2.0;
@@ -78,7 +89,9 @@ inline constexpr double kMaxSilence = 600.0;
 /// the newest sample at or before t - lag (the first sample, before it).
 ///
 /// Beyond kOdometryHold the vehicle is taken to stand, with the noise of one that moves for up to
-/// kMaxSilence: it was parked, or its clock jumped, by years where a battery was empty.
+/// kMaxSilence: it was parked, or its clock jumped, by years where a battery was empty. If it moved
+/// before or after the silence, it may have driven on at that speed for up to ten seconds from
+/// kOdometryFresh on, and turned.
 /// @param odometry  By non-decreasing stamp, not empty.
 /// @param hint      In: where to start looking for `begin`, 0 if unknown. Out: where `end` was
 ///                  found, the hint for an interval that starts there; a sequence of intervals is

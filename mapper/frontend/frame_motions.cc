@@ -59,7 +59,11 @@ FrameMotions IntegrateMotions(const MappingRun& run, const OdometryCalibration& 
     const Stamp begin = run.frames[i].stamp;
     const Stamp end = run.frames[i + 1].stamp;
     IntegratedMotion motion = IntegrateOdometry(run.odometry, begin, end, calibration, &hint);
-    motion.J_calibration.col(2) = by_lag.Between(begin, end);
+    if (motion.Measured()) {
+      motion.J_calibration.col(2) = by_lag.Between(begin, end);
+    } else {
+      motion.J_calibration.setZero();
+    }
     motions.between_frames.push_back(motion);
   }
   return motions;

@@ -24,6 +24,9 @@ constexpr std::size_t kMaxPairs = 750;     // Of more, these are taken evenly.
 constexpr std::size_t kCoarsePairs = 250;  // To find the lag on the grid.
 constexpr double kCauchyScale = 2.0;       // In standard deviations.
 
+// Lags are sought to this. [s]
+constexpr double kMaxLag = 0.6;
+
 // A vehicle that moves less stands. [m], [rad]
 constexpr double kMinWay = 0.01;
 constexpr double kMinTurn = 0.01;
@@ -50,6 +53,21 @@ class DeadReckoning {
       poses_.push_back(poses_.back() *
                        Arc(odometry[i - 1], odometry[i].stamp - odometry[i - 1].stamp));
     }
+  }
+
+  // Whether odometry says at all times from `begin` to `end` how the vehicle moves.
+  bool Measures(Stamp begin, Stamp end) const {
+    auto sample = std::lower_bound(
+        odometry_.begin(), odometry_.end(), begin, [](const OdometrySample& s, Stamp wanted) {
+          return s.stamp < wanted;
+        });
+    if (sample != odometry_.begin()) --sample;
+    Stamp said = std::max(sample->stamp, begin);
+    for (; sample != odometry_.end() && said < end; ++sample) {
+      if (sample->stamp - said > FromSeconds(kOdometryFresh)) return false;
+      said = std::max(said, sample->stamp);
+    }
+    return end - said <= FromSeconds(kOdometryFresh);
   }
 
   Eigen::Vector3d Twist(Stamp begin, Stamp end) const {
@@ -80,7 +98,9 @@ class DeadReckoning {
 // ago.
 enum class Partner { kFirst, kLast };
 
+// Pairs between which odometry says how the vehicle moved, at all lags of the search.
 std::vector<SightingPair> CollectPairs(const MappingRun& run,
+                                       const DeadReckoning& path,
                                        const SensorCalibration& sensor,
                                        Partner partner) {
   std::vector<SightingPair> pairs;
@@ -102,6 +122,8 @@ std::vector<SightingPair> CollectPairs(const MappingRun& run,
         while (first + 1 < second && seconds_since(first + 1) >= kMinPairSeconds) ++first;
       }
       if (first == second || seconds_since(first) < kMinPairSeconds) continue;
+      const Duration lag = FromSeconds(kMaxLag);
+      if (!path.Measures(stamp_of(first) - lag, end + lag)) continue;
       const Observation& a = sighting_of(first).observation;
       const Observation& b = sighting_of(second).observation;
       const Eigen::Matrix2d cov = PositionNoiseInVehicle(a, ObservationNoise(a, sensor)) +
@@ -192,7 +214,7 @@ OdometryCalibration FitOdometry(const std::vector<SightingPair>& pairs,
                                 const DeadReckoning& path,
                                 const OdometryCalibration& fallback) {
   constexpr double kLagStep = 0.1;  // [s]
-  constexpr double kMinLag = -0.6;  // [s]
+  constexpr double kMinLag = -kMaxLag;
   const std::vector<SightingPair> coarse = Thinned(pairs, kCoarsePairs);
   Eigen::Vector2d start(std::log(fallback.scale_v), std::log(fallback.scale_omega));
   std::array<double, 13> cost{};
@@ -262,12 +284,12 @@ SensorCalibration FitSensor(const std::vector<SightingPair>& pairs,
 }  // namespace
 
 Calibration CalibrateFromPairs(const MappingRun& run, const Calibration& fallback) {
+  const DeadReckoning path(run.odometry);
   const auto pairs_with = [&](Partner partner) {
-    return Thinned(CollectPairs(run, fallback.sensor, partner), kMaxPairs);
+    return Thinned(CollectPairs(run, path, fallback.sensor, partner), kMaxPairs);
   };
   const std::vector<SightingPair> pairs = pairs_with(Partner::kFirst);
   if (pairs.size() < kMinPairs) return fallback;
-  const DeadReckoning path(run.odometry);
   Calibration calibration = fallback;
   calibration.odometry = FitOdometry(pairs, path, fallback.odometry);
   calibration.sensor =

@@ -102,7 +102,7 @@ TEST(MotionModel, IntegratingIsAppendingArcByArc) {
     odometry.push_back({StampFromSeconds(seconds),
                         stands ? 0.0 : 1.5 - 0.02 * (i % 90),
                         stands ? 0.0 : 0.9 * std::sin(0.05 * i) - 0.004 * (i % 100)});
-    seconds += i == 200 ? 1.5 : 0.04;
+    seconds += i == 200 ? 0.9 : 0.04;
   }
   OdometryCalibration calibration;
   calibration.scale_v = 1.07;
@@ -144,15 +144,50 @@ TEST(MotionModel, WhereALogIsSilentTheVehicleStands) {
     EXPECT_NEAR(motion.T_begin_end.x(), kSpeed * kOdometryHold, 1e-9);
     // Noise of the way held, and of the silence that counts.
     const double seconds = kOdometryHold + std::min(silence_s - kOdometryHold, kMaxSilence);
-    EXPECT_NEAR(motion.cov(0, 0), 4e-4 * seconds, 1e-9);
-    EXPECT_NEAR(motion.cov(2, 2), 1e-4 * seconds, 1e-9);
+    // Of what it may have done meanwhile, at the speed that it had.
+    const double unknown = std::min(silence_s - kOdometryFresh, 10.0);
+    EXPECT_NEAR(motion.cov(0, 0), 4e-4 * seconds + std::pow(kSpeed * unknown, 2), 1e-9);
+    EXPECT_NEAR(motion.cov(2, 2), 1e-4 * seconds + 0.25 * unknown, 1e-9);
     // Before the first sample as well, of which it holds as long.
     hint = 0;
     const MotionIncrement before = IntegrateMotion(
         odometry, odometry[0].stamp - FromSeconds(50.0), odometry[0].stamp, calibration, &hint);
     EXPECT_NEAR(before.T_begin_end.x(), kSpeed * kOdometryHold, 1e-9);
-    EXPECT_NEAR(before.cov(0, 0), 4e-4 * 50.0, 1e-9);
+    EXPECT_NEAR(before.cov(0, 0), 4e-4 * 50.0 + std::pow(kSpeed * 10.0, 2), 1e-9);
   }
+}
+
+// The motion of a gap, and its parts: one unknown speed for all of them.
+TEST(MotionModel, PartsOfASilenceAddUpToAllOfIt) {
+  OdometryCalibration calibration;
+  const std::vector<OdometrySample> odometry = {{StampFromSeconds(100.0), 0.5, 0.1},
+                                                {StampFromSeconds(106.0), 1.0, 0.1}};
+  std::size_t hint = 0;
+  const IntegratedMotion whole = IntegrateOdometry(
+      odometry, odometry.front().stamp, odometry.back().stamp, calibration, &hint);
+  EXPECT_NEAR(whole.unknown_way, 5.0 * 5.0, 1e-9);
+  EXPECT_NEAR(whole.unknown_turn, 0.25 * 5.0, 1e-9);
+  double way = 0.0;
+  double turn = 0.0;
+  for (int part = 0; part < 12; ++part) {
+    const Stamp begin = odometry.front().stamp + FromSeconds(0.5 * part);
+    hint = 0;
+    const IntegratedMotion motion =
+        IntegrateOdometry(odometry, begin, begin + FromSeconds(0.5), calibration, &hint);
+    EXPECT_EQ(motion.Measured(), part < 2) << part;
+    way += motion.unknown_way;
+    turn += motion.unknown_turn;
+  }
+  EXPECT_NEAR(way, whole.unknown_way, 1e-9);
+  EXPECT_NEAR(turn, whole.unknown_turn, 1e-9);
+}
+
+TEST(MotionModel, AVehicleThatStandsBeforeAndAfterASilenceStoodMeanwhile) {
+  const std::vector<OdometrySample> odometry = {{StampFromSeconds(100.0), 0.0, 0.0},
+                                                {StampFromSeconds(160.0), 0.0, 0.0}};
+  std::size_t hint = 0;
+  EXPECT_TRUE(
+      IntegrateOdometry(odometry, odometry[0].stamp, odometry[1].stamp, {}, &hint).Measured());
 }
 
 }  // namespace

@@ -122,6 +122,27 @@ TEST(MapSingleRun, ALongStandLeavesTheCalibrationAsItIs) {
   EXPECT_LT(maps.nees, ChiSquareQuantile(0.9995, maps.dof));
 }
 
+// What odometry did not measure is no error of its scales or its stamps.
+TEST(MapSingleRun, AGapInOdometryLeavesTheCalibrationAsItIs) {
+  for (std::uint64_t seed = 1; seed <= 4; ++seed) {
+    const SimulatedWorld world = testing::StaticWorld(seed);
+    const Stamp begin = world.runs[0].truth.front().stamp;
+    for (const int gap_s : {0, 3, 5, 30}) {
+      std::vector<MapperInput> inputs = testing::Inputs(world);
+      std::erase_if(inputs[0].run.odometry, [&](const OdometrySample& sample) {
+        const double since_s = ToSeconds(sample.stamp - begin);
+        return since_s > 50.0 && since_s < 50.0 + gap_s;
+      });
+      const StatusOr<MapperResult> map = BuildMap(std::move(inputs), std::nullopt, {});
+      ASSERT_THAT(map, testing::IsOk()) << seed;
+      const OdometryCalibration& odometry = map->runs[0].odometry;
+      EXPECT_NEAR(odometry.scale_v, 1.0, 0.02) << seed << ", " << gap_s << " s";
+      EXPECT_NEAR(odometry.scale_omega, 1.0, 0.02) << seed << ", " << gap_s << " s";
+      EXPECT_NEAR(odometry.lag_s, 0.0, 0.03) << seed << ", " << gap_s << " s";
+    }
+  }
+}
+
 // Where the way is short, noise of odometry may explain it as well.
 TEST(MapSingleRun, AVehicleThatWasCarriedMakesNoSecondMap) {
   int broken = 0;
