@@ -41,6 +41,11 @@ void AddMotionSquares(const BuildRun& run, MotionSquares* squares) {
   Se2 T_first_odometry;
   const auto& frames = run.data->frames;
   for (FrameIndex i = 1; i < frames.end_index(); ++i) {
+    if (!run.motions.between_frames[i - 1].Measured()) {
+      first = i;
+      T_first_odometry = Se2();
+      continue;
+    }
     T_first_odometry = T_first_odometry * MotionFrom(run.motions, i - 1, run.odometry).T_begin_end;
     const double seconds = ToSeconds(frames[i].stamp - frames[first].stamp);
     if (seconds < kNoiseSpanSeconds) continue;

@@ -40,7 +40,7 @@ void CountMotions(const Graph& graph,
     const GraphRun& run = graph.runs[r];
     ResidualStatistics& sums = (*statistics)[r];
     for (const FrameIndex i : run.motions.indices()) {
-      if (Stands(run.motions[i].T_begin_end)) continue;
+      if (!TellsNoise(run.motions[i])) continue;
       const Eigen::Vector3d residual = ResidualOf(run, i);
       Eigen::Array3d redundancy = Eigen::Array3d::Zero();
       for (const GraphResiduals& of_draw : left) {

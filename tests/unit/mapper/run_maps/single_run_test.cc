@@ -122,11 +122,13 @@ TEST(MapSingleRun, ALongStandLeavesTheCalibrationAsItIs) {
   EXPECT_LT(maps.nees, ChiSquareQuantile(0.9995, maps.dof));
 }
 
-// What odometry did not measure is no error of its scales or its stamps.
+// What odometry did not measure is no error of its scales or its stamps, and not its noise.
 TEST(MapSingleRun, AGapInOdometryLeavesTheCalibrationAsItIs) {
   for (std::uint64_t seed = 1; seed <= 4; ++seed) {
     const SimulatedWorld world = testing::StaticWorld(seed);
     const Stamp begin = world.runs[0].truth.front().stamp;
+    double noise_v = 0.0;
+    double noise_omega = 0.0;
     for (const int gap_s : {0, 3, 5, 30}) {
       std::vector<MapperInput> inputs = testing::Inputs(world);
       std::erase_if(inputs[0].run.odometry, [&](const OdometrySample& sample) {
@@ -136,6 +138,13 @@ TEST(MapSingleRun, AGapInOdometryLeavesTheCalibrationAsItIs) {
       const StatusOr<MapperResult> map = BuildMap(std::move(inputs), std::nullopt, {});
       ASSERT_THAT(map, testing::IsOk()) << seed;
       const OdometryCalibration& odometry = map->runs[0].odometry;
+      if (gap_s == 0) {
+        noise_v = odometry.noise_v;
+        noise_omega = odometry.noise_omega;
+      }
+      EXPECT_NEAR(std::log(odometry.noise_v / noise_v), 0.0, 0.3) << seed << ", " << gap_s << " s";
+      EXPECT_NEAR(std::log(odometry.noise_omega / noise_omega), 0.0, 0.3)
+          << seed << ", " << gap_s << " s";
       EXPECT_NEAR(odometry.scale_v, 1.0, 0.02) << seed << ", " << gap_s << " s";
       EXPECT_NEAR(odometry.scale_omega, 1.0, 0.02) << seed << ", " << gap_s << " s";
       EXPECT_NEAR(odometry.lag_s, 0.0, 0.03) << seed << ", " << gap_s << " s";
