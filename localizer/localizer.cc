@@ -659,7 +659,9 @@ void Localizer::SetState(LocalizerState state) {
     evidence.stamp = now_;
     const Stamp failing_since = rival_ ? rival_->since : health_.failing_since();
     const bool failed = health_.lost() || rival_;
-    evidence.support = failed ? health_.Support(failing_since, -1) : health_.Support();
+    evidence.support = failed               ? health_.Support(failing_since, -1)
+                       : health_.unproven() ? *health_.unproven()
+                                            : health_.Support();
   }
   state_changes_.push_back({now_, state_, state, evidence});
   state_ = state;

@@ -379,15 +379,18 @@ StatusOr<std::vector<Exclusion>> MapStore::State::EndOne(const std::string& area
   if (!exclusion.run.empty()) {
     SHIFTMAP_ASSIGN_OR_RETURN(names, NamesOfRun(database, area_row.area_id, exclusion.run));
   }
-  const auto ended =
+  const auto others_end =
       std::stable_partition(holding->begin(), holding->end(), [&](const Exclusion& other) {
         return other.vehicle != exclusion.vehicle || !names.contains(other.run);
       });
-  std::vector<Exclusion> taken(ended, holding->end());
-  holding->erase(ended, holding->end());
-  if (!taken.empty()) return taken;
-  SHIFTMAP_ASSIGN_OR_RETURN(const std::optional<std::string> vehicle,
-                            ExcludedVehicleOf(database, area_row.area_id, exclusion.run, *holding));
+  std::vector<Exclusion> ended(others_end, holding->end());
+  holding->erase(others_end, holding->end());
+  if (!ended.empty()) return ended;
+  std::optional<std::string> vehicle;
+  if (!exclusion.run.empty()) {
+    SHIFTMAP_ASSIGN_OR_RETURN(
+        vehicle, ExcludedVehicleOf(database, area_row.area_id, exclusion.run, *holding));
+  }
   return vehicle
              ? NotFound("{}: {}: only its vehicle is excluded or held, '{}'",
                         AreaName(area),

@@ -8,8 +8,8 @@
 namespace shiftmap {
 namespace {
 
-// Where odometry is silent: random walk of what is not known of the motion. [m/√s], [rad/√s]
-constexpr double kUnknownMotion = 0.5;
+// So long a velocity holds at most. [s]
+constexpr double kHold = 1.0;
 
 // Kept before the first scan.
 constexpr std::size_t kSamplesBeforeStart = 8192;
@@ -19,7 +19,7 @@ constexpr std::size_t kSamplesBeforeStart = 8192;
 void AppendUnknown(double elapsed_s, double speed_mps, OdometryBuffer::Motion* motion) {
   const double unknown_s = std::exchange(motion->unknown_s, motion->unknown_s + elapsed_s);
   const double way_variance = speed_mps * speed_mps * elapsed_s * (2.0 * unknown_s + elapsed_s);
-  motion->increment.cov.diagonal().array() += kUnknownMotion * kUnknownMotion * elapsed_s;
+  motion->increment.cov.diagonal().array() += kUnknownTurn * kUnknownTurn * elapsed_s;
   motion->increment.cov.diagonal().head<2>().array() += way_variance;
 }
 
@@ -52,8 +52,7 @@ OdometryBuffer::Motion OdometryBuffer::Take(Stamp end) {
 }
 
 Duration OdometryBuffer::SilenceUntil(double sd_rad) {
-  return FromSeconds(kOdometryFresh) +
-         FromSeconds(sd_rad * sd_rad / (kUnknownMotion * kUnknownMotion));
+  return FromSeconds(kHold + sd_rad * sd_rad / (kUnknownTurn * kUnknownTurn));
 }
 
 void OdometryBuffer::Restart() {
@@ -65,7 +64,7 @@ void OdometryBuffer::Restart() {
 
 void OdometryBuffer::AdvanceTo(Stamp end) {
   const Duration lag = FromSeconds(calibration_.lag_s);
-  const Duration hold = FromSeconds(kOdometryFresh);
+  const Duration hold = FromSeconds(kHold);
   while (now_ < end) {
     while (samples_.size() > 1 && samples_[1].stamp + lag <= now_) samples_.pop_front();
     const bool held = !samples_.empty() && samples_[0].stamp + lag <= now_ &&

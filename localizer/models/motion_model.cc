@@ -86,18 +86,68 @@ void AppendSilence(Duration silence, MotionSum* sum) {
   if (silence > Duration::zero()) sum->Append(0.0, 0.0, std::min(ToSeconds(silence), kMaxSilence));
 }
 
-// So long a vehicle is taken to drive on where odometry is silent [s], and to turn so [rad/√s].
-constexpr double kMaxUnknownDrive = 10.0;
-constexpr double kUnknownTurn = 0.5;
+// A speed that nothing measures changes in about this time. [s]
+constexpr double kSpeedKept = 10.0;
 
-// Adds what may have happened in a part of a silence. Its speed is unknown and constant, so that
-// the way grows with the time and not with its root: parts of one silence add up to that.
-void AddUnknown(double speed_mps, double part_s, double silence_s, IntegratedMotion* motion) {
+// A vehicle that moves slower stands. [m/s], [rad/s]
+constexpr double kLeastSpeed = 0.01;
+constexpr double kLeastTurn = 0.01;
+
+bool Moves(const OdometrySample& sample) {
+  return std::abs(sample.v_mps) > kLeastSpeed || std::abs(sample.omega_radps) > kLeastTurn;
+}
+
+// Variance of a way that began so long ago, at an unknown speed of 1 m/s: it grows with the squared
+// time, as long as the speed is kept. [m²]
+double UnknownWay(double seconds) {
+  constexpr double kHalf = 0.5 * kSpeedKept;
+  return seconds < kHalf ? seconds * seconds : kSpeedKept * seconds - kHalf * kHalf;
+}
+
+// What a vehicle may do in a part of a silence, from `begin_s` to `end_s` after it began.
+void AddOpenSilence(double speed_mps, double begin_s, double end_s, IntegratedMotion* motion) {
+  begin_s = std::clamp(begin_s, 0.0, kMaxSilence);
+  end_s = std::clamp(end_s, begin_s, kMaxSilence);
+  motion->unknown_way += speed_mps * speed_mps * (UnknownWay(end_s) - UnknownWay(begin_s));
+  motion->unknown_turn += kUnknownTurn * kUnknownTurn * (end_s - begin_s);
+}
+
+// The same of a silence whose end is known: no part of a clock's jump is more than a short one.
+void AddSilence(double speed_mps, double part_s, double silence_s, IntegratedMotion* motion) {
   if (part_s <= 0.0) return;
-  const double counted_s = std::min(silence_s, kMaxUnknownDrive);
+  const double counted_s = std::min(silence_s, kSpeedKept);
   const double share_s = part_s * counted_s / silence_s;
   motion->unknown_way += speed_mps * speed_mps * share_s * counted_s;
   motion->unknown_turn += kUnknownTurn * kUnknownTurn * share_s;
+}
+
+// What may have happened from `begin` to `end`, for which sample i holds, while it was not fresh.
+void AddUnknown(std::span<const OdometrySample> odometry,
+                std::size_t i,
+                double scale_v,
+                Stamp begin,
+                Stamp end,
+                IntegratedMotion* motion) {
+  const OdometrySample& sample = odometry[i];
+  const double speed_mps = scale_v * std::abs(sample.v_mps);
+  const double begin_s = ToSeconds(begin - sample.stamp) - kOdometryFresh;
+  const double end_s = ToSeconds(end - sample.stamp) - kOdometryFresh;
+  if (begin < sample.stamp && Moves(sample)) {
+    AddOpenSilence(speed_mps,
+                   ToSeconds(sample.stamp - end) - kOdometryFresh,
+                   ToSeconds(sample.stamp - begin) - kOdometryFresh,
+                   motion);
+  }
+  if (i + 1 == odometry.size()) {
+    if (Moves(sample)) AddOpenSilence(speed_mps, begin_s, end_s, motion);
+    return;
+  }
+  const OdometrySample& following = odometry[i + 1];
+  if (!Moves(sample) && !Moves(following)) return;
+  AddSilence(std::max(speed_mps, scale_v * std::abs(following.v_mps)),
+             end_s - std::max(begin_s, 0.0),
+             ToSeconds(following.stamp - sample.stamp) - kOdometryFresh,
+             motion);
 }
 
 }  // namespace
@@ -126,13 +176,17 @@ MotionIncrement Compose(const MotionIncrement& first, const MotionIncrement& sec
   const Eigen::Matrix3d to_end = second.T_begin_end.InverseAdjoint();
   return {first.T_begin_end * second.T_begin_end,
           Symmetrized(to_end * first.cov * to_end.transpose() + second.cov),
-          to_end * first.J_calibration + second.J_calibration};
+          to_end * first.J_calibration + second.J_calibration,
+          first.measured && second.measured};
 }
 
 // (T Exp(ξ))⁻¹ = T⁻¹ Exp(-Ad(T) ξ).
 MotionIncrement Inverse(const MotionIncrement& motion) {
   const Eigen::Matrix3d A = motion.T_begin_end.Adjoint();
-  return {motion.T_begin_end.Inverse(), A * motion.cov * A.transpose(), -A * motion.J_calibration};
+  return {motion.T_begin_end.Inverse(),
+          A * motion.cov * A.transpose(),
+          -A * motion.J_calibration,
+          motion.measured};
 }
 
 void AppendMotion(double v_mps,
@@ -160,7 +214,7 @@ void AppendMotion(double v_mps,
 
 MotionIncrement IntegratedMotion::WithNoise(double noise_v, double noise_omega) const {
   MotionIncrement increment{
-      T_begin_end, noise_omega * noise_omega * cov_per_yaw_noise, J_calibration};
+      T_begin_end, noise_omega * noise_omega * cov_per_yaw_noise, J_calibration, Measured()};
   increment.cov.diagonal().head<2>().array() += noise_v * noise_v * slip_s + unknown_way;
   increment.cov(2, 2) += unknown_turn;
   return increment;
@@ -183,10 +237,6 @@ IntegratedMotion IntegrateOdometry(std::span<const OdometrySample> odometry,
 
   MotionSum sum;
   IntegratedMotion unknown;
-  const Duration fresh = FromSeconds(kOdometryFresh);
-  const auto moves = [&](const OdometrySample& sample) {
-    return sample.v_mps != 0.0 || sample.omega_radps != 0.0;
-  };
   while (now < last) {
     const bool final_sample = i + 1 == odometry.size();
     const Stamp next = final_sample ? last : std::min(last, odometry[i + 1].stamp);
@@ -199,18 +249,7 @@ IntegratedMotion IntegrateOdometry(std::span<const OdometrySample> odometry,
                calibration.scale_omega * omega_radps * dt,
                dt * VarianceShare(v_mps, omega_radps));
     AppendSilence(next - to, &sum);
-    const OdometrySample& following = final_sample ? odometry[i] : odometry[i + 1];
-    if (moves(odometry[i]) || moves(following)) {
-      const double speed_mps =
-          calibration.scale_v * std::max(std::abs(v_mps), std::abs(following.v_mps));
-      const double before_s = ToSeconds(stamp - fresh - now);
-      AddUnknown(speed_mps, std::min(before_s, ToSeconds(next - now)), before_s, &unknown);
-      const Stamp silence_end = final_sample ? last : following.stamp;
-      AddUnknown(speed_mps,
-                 ToSeconds(next - std::max(now, stamp + fresh)),
-                 ToSeconds(silence_end - stamp - fresh),
-                 &unknown);
-    }
+    AddUnknown(odometry, i, calibration.scale_v, now, next, &unknown);
     now = next;
     if (!final_sample && odometry[i + 1].stamp <= now) ++i;
   }

@@ -23,6 +23,8 @@ struct MotionIncrement {
   /// dξ / d(log scale_v, log scale_omega, lag_s). The lag column is zero here: it takes more
   /// of a log than the motion's (IntegrateMotions()).
   Eigen::Matrix3d J_calibration = Eigen::Matrix3d::Zero();
+
+  bool measured = true;  ///< Odometry measured all of it, or the vehicle stood.
 };
 
 /// A pose moved on by a motion that is independent of it.
@@ -69,17 +71,21 @@ struct IntegratedMotion {
   double unknown_way = 0.0;
   double unknown_turn = 0.0;
 
-  /// Odometry measured all of it, or the vehicle stood.
+  /// MotionIncrement::measured.
   bool Measured() const { return unknown_turn == 0.0; }
 
   MotionIncrement WithNoise(double noise_v, double noise_omega) const;
 };
 
-/// A velocity that odometry said longer ago may have changed. [s]
-inline constexpr double kOdometryFresh = 1.0;
+/// A recorded velocity that is older may have changed. [s]
+inline constexpr double kOdometryFresh = 1.5;
 
 /// A recorded sample of odometry holds for as long at most. [s]
 inline constexpr double kOdometryHold = 2.0;
+
+/// How a vehicle turns, and moves besides its way, where nothing measures it: random walk.
+/// [rad/√s], [m/√s]
+inline constexpr double kUnknownTurn = 0.5;
 
 /// What a vehicle does while its log is silent, it does within as long. [s]
 inline constexpr double kMaxSilence = 600.0;
@@ -90,8 +96,8 @@ inline constexpr double kMaxSilence = 600.0;
 ///
 /// Beyond kOdometryHold the vehicle is taken to stand, with the noise of one that moves for up to
 /// kMaxSilence: it was parked, or its clock jumped, by years where a battery was empty. If it moved
-/// before or after the silence, it may have driven on at that speed for up to ten seconds from
-/// kOdometryFresh on, and turned.
+/// before or after, it may from kOdometryFresh on have driven at that speed, and turned:
+/// IntegratedMotion::unknown_way. What may have happened in parts of a silence adds up.
 /// @param odometry  By non-decreasing stamp, not empty.
 /// @param hint      In: where to start looking for `begin`, 0 if unknown. Out: where `end` was
 ///                  found, the hint for an interval that starts there; a sequence of intervals is

@@ -96,7 +96,7 @@ double HealthMonitor::ExplainedShare(Tallies::const_iterator begin) const {
 }
 
 void HealthMonitor::Judge() {
-  unproven_ = IsUnproven();
+  unproven_ = JudgeProof();
   if (lost_) {
     const auto begin = StretchBegin(0.0, options_.min_observations);
     // Two landmarks agree with some pose, always.
@@ -128,14 +128,16 @@ bool HealthMonitor::LandmarksMoved(Tallies::const_iterator begin) const {
   return sum.pairs >= options_.min_pairs && sum.as_in_map < options_.min_pair_share * sum.pairs;
 }
 
-bool HealthMonitor::IsUnproven() const {
-  if (tallies_.empty()) return false;
-  const AtModes seen = CountAtModes(tallies_.back().stamp - FromSeconds(options_.unproven_s));
+std::optional<PoseSupport> HealthMonitor::JudgeProof() const {
+  if (tallies_.empty()) return std::nullopt;
   PoseSupport support;
+  support.since = tallies_.back().stamp - FromSeconds(options_.unproven_s);
+  const AtModes seen = CountAtModes(support.since);
   support.agreeing = seen.yes + seen.of_start;
   support.failing = seen.no;
   // Two landmarks agree with some pose, always.
-  return support.agreeing < kMinAgreeing && FailureTail(support) < options_.unproven_tail;
+  if (support.agreeing >= kMinAgreeing) return std::nullopt;
+  return FailureTail(support) < options_.unproven_tail ? std::optional(support) : std::nullopt;
 }
 
 void HealthMonitor::MarkStart() {
@@ -181,7 +183,7 @@ void HealthMonitor::Reset() {
   std::fill(last_.begin(), last_.end(), LastSeen());
   tallies_.clear();
   lost_ = false;
-  unproven_ = false;
+  unproven_.reset();
 }
 
 }  // namespace shiftmap

@@ -94,8 +94,9 @@ class HealthMonitor {
   /// Lost by DeclareLost(): the pose is wrong, and not only in doubt.
   bool wrong() const { return lost_ && wrong_; }
 
-  /// By the last Judge(), the map does not prove the pose, be it right or wrong (HealthOptions).
-  bool unproven() const { return unproven_; }
+  /// By the last Judge(), the map does not prove the pose, be it right or wrong (HealthOptions):
+  /// the landmarks that stand where the map has them, and the others.
+  const std::optional<PoseSupport>& unproven() const { return unproven_; }
 
   /// Of the last observations, those from `since` on and not of `except` (-1: of all).
   PoseSupport Support(Stamp since, int except) const;
@@ -154,7 +155,7 @@ class HealthMonitor {
   Tallies::const_iterator StretchBegin(double seconds, int observations) const;
   double ExplainedShare(Tallies::const_iterator begin) const;
   bool LandmarksMoved(Tallies::const_iterator begin) const;
-  bool IsUnproven() const;
+  std::optional<PoseSupport> JudgeProof() const;
 
   static constexpr std::size_t kScans = 512;
 
@@ -164,7 +165,7 @@ class HealthMonitor {
   Tallies tallies_{kScans};     // Of scans in which something was seen.
   bool lost_ = false;
   bool wrong_ = false;
-  bool unproven_ = false;
+  std::optional<PoseSupport> unproven_;
   Stamp failing_since_;
 };
 

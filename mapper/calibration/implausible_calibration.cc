@@ -3,7 +3,6 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <numbers>
@@ -27,9 +26,8 @@ struct LogOddsOfReversal {
 
 LogOddsOfReversal ReversalOf(const PlausibilityOptions& options, const BuildRun& run) {
   LogOddsOfReversal log_odds;
-  const std::vector<FrameIndex> broken = BrokenMotions(run.motions);
   for (const FrameIndex i : run.motions.between_frames.indices()) {
-    if (std::binary_search(broken.begin(), broken.end(), i)) continue;
+    if (!run.motions.between_frames[i].Measured()) continue;
     const double seconds = ToSeconds(run.data->frames[i + 1].stamp - run.data->frames[i].stamp);
     if (seconds <= 0.0) continue;  // Scans of one time.
     const Se2& odometry = run.motions.between_frames[i].T_begin_end;

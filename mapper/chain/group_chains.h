@@ -55,8 +55,8 @@ struct GroupChain {
   bool learned = false;
 };
 
-/// The chains of a map's groups from what visits said of them: LearnChains, the structure of each
-/// chosen by the evidence, then LearnRhythm.
+/// The chains of a map's groups from what visits said of them: LearnChains, the mean of both
+/// structures, then LearnRhythm, which goes on from the more probable one.
 ///
 /// A group's rows are put in the order of time, whatever order they come in; one that is there
 /// twice (same report and visit) counts once. Whether two rows of different reports are about the

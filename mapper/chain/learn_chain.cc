@@ -23,9 +23,9 @@ struct Fits {
   double GeneralShare() const {
     if (!uniform || !general) return general ? 1.0 : 0.0;
     const double share = 1.0 / (1.0 + std::exp(uniform->log_marginal - general->log_marginal));
-    // So little does not change a rate, and a uniform chain has a closed form.
-    constexpr double kNone = 1e-3;
-    return share < kNone ? 0.0 : share;
+    // Less does not change a rate, and a uniform chain has a closed form.
+    constexpr double kLeastShare = 1e-3;
+    return share < kLeastShare ? 0.0 : share;
   }
 
   const RateFit& Likelier() const { return GeneralShare() > 0.5 ? *general : *uniform; }

@@ -55,7 +55,7 @@ std::vector<ModeChain> FitPhases(const ChainHistory& history,
 ///
 /// Nothing is taken of a history whose first part is shorter than three periods, or whose last part
 /// is shorter than one.
-/// @param whole     The chain learned from the same history.
+/// @param whole     The fit to the same history.
 /// @param learning  How it was learned: with its structure, and with the prior that it had.
 /// Errors: as LearnChain and Validate.
 StatusOr<LearnedRhythm> LearnRhythm(const ChainHistory& history,

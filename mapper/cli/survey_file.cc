@@ -40,9 +40,7 @@ StatusOr<SurveyRow> ParseRow(const std::vector<std::string>& fields) {
   SurveyRow row;
   row.signature = Signature(TextOfCsv(fields[0]));
   if (row.signature.anonymous()) return InvalidArgument("empty signature");
-  if (!IsUtf8(row.signature.text())) {
-    return InvalidArgument("signature '{}' is not UTF-8", row.signature.text());
-  }
+  if (!IsUtf8(row.signature.text())) return InvalidArgument("signature is not UTF-8");
   ModeNumber::Value number = 0;
   if (!Parse(fields[1], &number) || number < 0)
     return InvalidArgument("mode '{}', expected 0 or more", fields[1]);

@@ -10,8 +10,8 @@
 namespace shiftmap {
 namespace {
 
-// Variance per squared noise of odometry of a motion that tells nothing. [s]
-constexpr double kNothing = 1e12;
+// Variances of a motion that tells nothing. [m²], [rad²]
+constexpr double kNothing = 1e8;
 
 // Derivative of motions by the lag, without the noise of odometry: mapper/METHOD.md, 3. One sample
 // long, so that the samples before and after an end weigh the same.
@@ -59,11 +59,7 @@ FrameMotions IntegrateMotions(const MappingRun& run, const OdometryCalibration& 
     const Stamp begin = run.frames[i].stamp;
     const Stamp end = run.frames[i + 1].stamp;
     IntegratedMotion motion = IntegrateOdometry(run.odometry, begin, end, calibration, &hint);
-    if (motion.Measured()) {
-      motion.J_calibration.col(2) = by_lag.Between(begin, end);
-    } else {
-      motion.J_calibration.setZero();
-    }
+    motion.J_calibration.col(2) = by_lag.Between(begin, end);
     motions.between_frames.push_back(motion);
   }
   return motions;
@@ -72,14 +68,14 @@ FrameMotions IntegrateMotions(const MappingRun& run, const OdometryCalibration& 
 void BreakMotion(FrameIndex i, FrameMotions* motions) {
   IntegratedMotion& motion = motions->between_frames[i];
   motion.J_calibration.setZero();
-  motion.slip_s = kNothing;
-  motion.cov_per_yaw_noise = Eigen::Vector3d(0.0, 0.0, kNothing).asDiagonal();
+  motion.unknown_way = kNothing;
+  motion.unknown_turn = kNothing;
 }
 
 std::vector<FrameIndex> BrokenMotions(const FrameMotions& motions) {
   std::vector<FrameIndex> broken;
   for (const FrameIndex i : motions.between_frames.indices()) {
-    if (motions.between_frames[i].slip_s == kNothing) broken.push_back(i);
+    if (motions.between_frames[i].unknown_way == kNothing) broken.push_back(i);
   }
   return broken;
 }

@@ -57,15 +57,12 @@ class DeadReckoning {
 
   // Whether odometry says at all times from `begin` to `end` how the vehicle moves.
   bool Measures(Stamp begin, Stamp end) const {
-    auto sample = std::lower_bound(
-        odometry_.begin(), odometry_.end(), begin, [](const OdometrySample& s, Stamp wanted) {
-          return s.stamp < wanted;
-        });
-    if (sample != odometry_.begin()) --sample;
-    Stamp said = std::max(sample->stamp, begin);
-    for (; sample != odometry_.end() && said < end; ++sample) {
+    if (begin < odometry_.front().stamp) return false;
+    auto sample = Next(begin);
+    Stamp said = (sample - 1)->stamp;
+    for (; sample != odometry_.end() && sample->stamp < end; ++sample) {
       if (sample->stamp - said > FromSeconds(kOdometryFresh)) return false;
-      said = std::max(said, sample->stamp);
+      said = sample->stamp;
     }
     return end - said <= FromSeconds(kOdometryFresh);
   }
@@ -80,11 +77,16 @@ class DeadReckoning {
     return Se2::Exp({sample.v_mps * dt, 0.0, sample.omega_radps * dt});
   }
 
-  Se2 PoseAt(Stamp stamp) const {
-    const auto next = std::upper_bound(
+  // The first sample after a time.
+  std::vector<OdometrySample>::const_iterator Next(Stamp stamp) const {
+    return std::upper_bound(
         odometry_.begin(), odometry_.end(), stamp, [](Stamp wanted, const OdometrySample& sample) {
           return wanted < sample.stamp;
         });
+  }
+
+  Se2 PoseAt(Stamp stamp) const {
+    const auto next = Next(stamp);
     if (next == odometry_.begin()) return poses_.front();
     const auto i = static_cast<std::size_t>(next - odometry_.begin()) - 1;
     return poses_[i] * Arc(odometry_[i], stamp - odometry_[i].stamp);

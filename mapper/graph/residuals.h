@@ -24,9 +24,9 @@ inline bool Stands(const Se2& T_begin_end) {
   return T_begin_end.translation().isZero(0.0) && T_begin_end.yaw() == 0.0;
 }
 
-/// Neither does one that no odometry measured, which has no derivative by the calibration.
+/// Neither does one that odometry did not measure.
 inline bool TellsNoise(const MotionIncrement& motion) {
-  return !Stands(motion.T_begin_end) && !motion.J_calibration.isZero(0.0);
+  return motion.measured && !Stands(motion.T_begin_end);
 }
 
 /// r = Σ^(-1/2) diag(e^s, e^s, 1) Log( (T_i Δ(c))⁻¹ T_j ),  Δ(c) = Δ Exp(J c).

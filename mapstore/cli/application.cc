@@ -143,7 +143,13 @@ std::vector<std::string> Application::State::ConfigArguments(
       return IsGiven(*other, arguments);
     });
     if (excluded) continue;
-    for (const std::string& value : setting.values) added.push_back(name + "=" + value);
+    for (const std::string& value : setting.values) {
+      // The parser would take the next word for the value.
+      if (value.empty()) {
+        throw UsageError(fmt::format("{}: {}: expected a value", setting.source, setting.key));
+      }
+      added.push_back(name + "=" + value);
+    }
   }
   return added;
 }

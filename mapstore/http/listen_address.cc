@@ -22,7 +22,7 @@ bool IsV6(const std::string& host) {
 
 }  // namespace
 
-bool ListenAddress::IsNumeric() const { return host == "localhost" || IsV4(host) || IsV6(host); }
+bool ListenAddress::IsAddress() const { return host == "localhost" || IsV4(host) || IsV6(host); }
 
 bool ListenAddress::IsLoopback() const {
   return host == "localhost" || host == "::1" || (IsV4(host) && host.starts_with("127."));

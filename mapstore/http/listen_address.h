@@ -14,7 +14,7 @@ struct ListenAddress {
 
   /// Whether the host is an IPv4 or IPv6 address. A name is not looked up: `localhost` counts, for
   /// 127.0.0.1.
-  bool IsNumeric() const;
+  bool IsAddress() const;
 
   /// Whether only this machine reaches it. Of names, `localhost` only.
   bool IsLoopback() const;

@@ -6,6 +6,7 @@
 #include <grpcpp/health_check_service_interface.h>
 
 #include <filesystem>
+#include <functional>
 #include <nlohmann/json.hpp>
 #include <utility>
 
@@ -59,9 +60,10 @@ StatusOr<std::vector<SnapshotSigner>> ReadSigners(const std::vector<std::string>
   return signers;
 }
 
-HttpResponse MetricsResponse(const HttpRequest& request, std::string metrics) {
+HttpResponse MetricsResponse(const HttpRequest& request,
+                             const std::function<std::string()>& metrics) {
   if (request.path != "/metrics") return {404, "only /metrics\n"};
-  HttpResponse response(200, std::move(metrics));
+  HttpResponse response(200, metrics());
   response.content_type = "text/plain; version=0.0.4; charset=utf-8";
   return response;
 }
@@ -220,10 +222,12 @@ StatusOr<std::unique_ptr<MapServer>> MapServer::Start(const MapServerOptions& op
   State* const parts = state.get();
   std::unique_ptr<MapServer> server(new MapServer(std::move(state)));
   if (options.metrics) {
-    SHIFTMAP_ASSIGN_OR_RETURN(
-        parts->endpoint, HttpListener::Start(*options.metrics, [parts](const HttpRequest& request) {
-          return MetricsResponse(request, parts->metrics.Text(parts->Gauges()));
-        }));
+    const auto text = [parts] { return parts->metrics.Text(parts->Gauges()); };
+    StatusOr<HttpListener> endpoint = HttpListener::Start(
+        *options.metrics,
+        [text](const HttpRequest& request) { return MetricsResponse(request, text); });
+    if (!endpoint.ok()) return Annotate(endpoint.status(), "metrics");
+    parts->endpoint = *std::move(endpoint);
   }
   return server;
 }

@@ -46,8 +46,8 @@ struct LidarLog {
 /// rate of more than 45 rad/s is made good on the way to the next poses: a robot that turns on the
 /// spot and slides by centimetres, or two stamps that are milliseconds apart and should not be.
 ///
-/// A sample holds for two seconds only, so that one is written each second. What the vehicle did in
-/// a gap of more than a minute it did within the first.
+/// A sample holds for a short time only, so that one is written each second. What the vehicle did
+/// in a gap of more than a minute it did within the first.
 /// @param poses  By stamp; of equal stamps the last counts.
 std::vector<OdometrySample> OdometryFromPoses(std::span<const StampedPose> poses);
 

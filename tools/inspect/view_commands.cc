@@ -24,7 +24,7 @@ struct ViewArguments {
 std::string CheckListen(const ViewArguments& arguments) {
   const StatusOr<ListenAddress> address = ParseListenAddress("--listen", arguments.listen);
   if (!address.ok()) return Message(address.status());
-  if (!address->IsNumeric()) {
+  if (!address->IsAddress()) {
     return fmt::format("--listen '{}': expected an IP address, not a name", arguments.listen);
   }
   if (address->IsLoopback() || arguments.any_address) return "";

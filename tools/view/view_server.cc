@@ -35,7 +35,7 @@ bool IsOwnHost(const std::string& host_header) {
       ParseListenAddress("Host", has_port ? host_header : host_header + ":80");
   if (!named.ok()) return false;
   const std::string host = Lowercase(named->host);
-  if (ListenAddress{host, 0}.IsNumeric()) return true;
+  if (ListenAddress{host, 0}.IsAddress()) return true;
   std::array<char, 256> name = {};
   if (gethostname(name.data(), name.size() - 1) != 0) return false;
   return host == Lowercase(name.data());

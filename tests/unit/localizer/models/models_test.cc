@@ -153,33 +153,38 @@ TEST(MotionModel, WhereALogIsSilentTheVehicleStands) {
     const MotionIncrement before = IntegrateMotion(
         odometry, odometry[0].stamp - FromSeconds(50.0), odometry[0].stamp, calibration, &hint);
     EXPECT_NEAR(before.T_begin_end.x(), kSpeed * kOdometryHold, 1e-9);
-    EXPECT_NEAR(before.cov(0, 0), 4e-4 * 50.0 + std::pow(kSpeed * 10.0, 2), 1e-9);
+    EXPECT_NEAR(before.cov(0, 0), 4e-4 * 50.0 + kSpeed * kSpeed * (10.0 * 48.5 - 25.0), 1e-9);
   }
 }
 
-// The motion of a gap, and its parts: one unknown speed for all of them.
+// Before the first sample, in a gap, and after the last one.
 TEST(MotionModel, PartsOfASilenceAddUpToAllOfIt) {
   OdometryCalibration calibration;
   const std::vector<OdometrySample> odometry = {{StampFromSeconds(100.0), 0.5, 0.1},
                                                 {StampFromSeconds(106.0), 1.0, 0.1}};
-  std::size_t hint = 0;
-  const IntegratedMotion whole = IntegrateOdometry(
-      odometry, odometry.front().stamp, odometry.back().stamp, calibration, &hint);
-  EXPECT_NEAR(whole.unknown_way, 5.0 * 5.0, 1e-9);
-  EXPECT_NEAR(whole.unknown_turn, 0.25 * 5.0, 1e-9);
-  double way = 0.0;
-  double turn = 0.0;
-  for (int part = 0; part < 12; ++part) {
-    const Stamp begin = odometry.front().stamp + FromSeconds(0.5 * part);
-    hint = 0;
-    const IntegratedMotion motion =
-        IntegrateOdometry(odometry, begin, begin + FromSeconds(0.5), calibration, &hint);
-    EXPECT_EQ(motion.Measured(), part < 2) << part;
-    way += motion.unknown_way;
-    turn += motion.unknown_turn;
+  const auto integrate = [&](double begin_s, double end_s) {
+    std::size_t hint = 0;
+    return IntegrateOdometry(
+        odometry, StampFromSeconds(begin_s), StampFromSeconds(end_s), calibration, &hint);
+  };
+  const IntegratedMotion gap = integrate(100.0, 106.0);
+  EXPECT_NEAR(gap.unknown_way, 4.5 * 4.5, 1e-9);  // At the faster of both speeds, 1 m/s.
+  EXPECT_NEAR(gap.unknown_turn, 0.25 * 4.5, 1e-9);
+  for (const auto& [begin_s, end_s] :
+       {std::pair(60.0, 100.0), std::pair(100.0, 106.0), std::pair(106.0, 146.0)}) {
+    const IntegratedMotion whole = integrate(begin_s, end_s);
+    double way = 0.0;
+    double turn = 0.0;
+    for (double part_s = begin_s; part_s < end_s; part_s += 0.5) {
+      const IntegratedMotion motion = integrate(part_s, part_s + 0.5);
+      const bool fresh = (part_s >= 98.5 && part_s < 101.5) || (part_s >= 106.0 && part_s < 107.5);
+      EXPECT_EQ(motion.Measured(), fresh) << part_s;
+      way += motion.unknown_way;
+      turn += motion.unknown_turn;
+    }
+    EXPECT_NEAR(way, whole.unknown_way, 1e-9) << begin_s;
+    EXPECT_NEAR(turn, whole.unknown_turn, 1e-9) << begin_s;
   }
-  EXPECT_NEAR(way, whole.unknown_way, 1e-9);
-  EXPECT_NEAR(turn, whole.unknown_turn, 1e-9);
 }
 
 TEST(MotionModel, AVehicleThatStandsBeforeAndAfterASilenceStoodMeanwhile) {

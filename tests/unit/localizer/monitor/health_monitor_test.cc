@@ -141,7 +141,7 @@ TEST(HealthMonitor, LandmarksThatMovedDoNotProveThePose) {
       health.Add(At(seconds), group, true, std::nullopt);
       health.Judge();
     }
-    return health.unproven();
+    return health.unproven().has_value();
   };
   EXPECT_FALSE(unproven(0, 4, 0.0));
   EXPECT_TRUE(unproven(0, 5, 0.0));

@@ -52,6 +52,18 @@ TEST(GammaTest, DensityOfTheLogarithmIntegratesToOne) {
   EXPECT_NEAR(gamma.MeanLog(), mean_log, 1e-6);
 }
 
+TEST(GammaTest, AMixtureHasTheMeanAndTheVarianceOfItsParts) {
+  const Gamma first{2.0, 4.0};
+  const Gamma second{9.0, 3.0};
+  for (const double share : {0.0, 0.25, 1.0}) {
+    const Gamma mixture = MixtureOf(first, second, share);
+    const double mean = (1.0 - share) * 0.5 + share * 3.0;
+    const double squares = (1.0 - share) * (0.125 + 0.25) + share * (1.0 + 9.0);
+    EXPECT_NEAR(mixture.mean(), mean, 1e-12) << share;
+    EXPECT_NEAR(mixture.mean() / mixture.exposure_s, squares - mean * mean, 1e-12) << share;
+  }
+}
+
 TEST(GammaTest, IsFoundAgainFromItsMeans) {
   for (const double shape : {0.02, 0.5, 3.0, 4e4}) {
     const Gamma gamma{shape, 1e5};

@@ -7,6 +7,7 @@
 #include <chrono>
 #include <cmath>
 #include <optional>
+#include <utility>
 #include <vector>
 
 #include "tests/support/status_matchers.h"
@@ -129,11 +130,16 @@ TEST(MapSingleRun, AGapInOdometryLeavesTheCalibrationAsItIs) {
     const Stamp begin = world.runs[0].truth.front().stamp;
     double noise_v = 0.0;
     double noise_omega = 0.0;
-    for (const int gap_s : {0, 3, 5, 30}) {
+    // None; in the middle, short and long; and at the begin.
+    for (const auto& [from_s, gap_s] : {std::pair(50, 0),
+                                        std::pair(50, 3),
+                                        std::pair(50, 5),
+                                        std::pair(50, 30),
+                                        std::pair(-1, 7)}) {
       std::vector<MapperInput> inputs = testing::Inputs(world);
       std::erase_if(inputs[0].run.odometry, [&](const OdometrySample& sample) {
         const double since_s = ToSeconds(sample.stamp - begin);
-        return since_s > 50.0 && since_s < 50.0 + gap_s;
+        return since_s > from_s && since_s < from_s + gap_s;
       });
       const StatusOr<MapperResult> map = BuildMap(std::move(inputs), std::nullopt, {});
       ASSERT_THAT(map, testing::IsOk()) << seed;
@@ -142,8 +148,8 @@ TEST(MapSingleRun, AGapInOdometryLeavesTheCalibrationAsItIs) {
         noise_v = odometry.noise_v;
         noise_omega = odometry.noise_omega;
       }
-      EXPECT_NEAR(std::log(odometry.noise_v / noise_v), 0.0, 0.3) << seed << ", " << gap_s << " s";
-      EXPECT_NEAR(std::log(odometry.noise_omega / noise_omega), 0.0, 0.3)
+      EXPECT_NEAR(std::log(odometry.noise_v / noise_v), 0.0, 0.6) << seed << ", " << gap_s << " s";
+      EXPECT_NEAR(std::log(odometry.noise_omega / noise_omega), 0.0, 0.6)
           << seed << ", " << gap_s << " s";
       EXPECT_NEAR(odometry.scale_v, 1.0, 0.02) << seed << ", " << gap_s << " s";
       EXPECT_NEAR(odometry.scale_omega, 1.0, 0.02) << seed << ", " << gap_s << " s";

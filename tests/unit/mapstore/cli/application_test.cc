@@ -512,6 +512,13 @@ TEST_F(ApplicationConfig, AnUnknownKeyIsAUsageErrorThatNamesIt) {
   ExpectUsageError(Run(&table, "[other]\ncount = 1\n", {"measure", "x"}), "unknown table 'other'");
 }
 
+TEST_F(ApplicationConfig, AnEmptyValueDoesNotTakeAWordOfTheCommandLine) {
+  Program program;
+  const Outcome outcome = Run(&program, "[measure]\ntag = ''\n", {"measure", "x"});
+  ExpectUsageError(outcome, "tag: expected a value");
+  EXPECT_EQ(program.calls, 0);
+}
+
 TEST_F(ApplicationConfig, OnlyARegularFileOfSensibleSizeIsRead) {
   ASSERT_EQ(mkfifo(dir_.File("fifo").c_str(), 0600), 0);
   testing::WriteFile(dir_.File("large"), std::string((1U << 20) + 1, '\n'));

@@ -40,10 +40,10 @@ TEST(ListenAddressTest, IsAHostAndAPort) {
 
 TEST(ListenAddressTest, ANameIsNoAddress) {
   for (const char* text : {"localhost:0", "127.0.0.1:0", "[::1]:0", "10.0.0.1:0"}) {
-    EXPECT_TRUE(ParseListenAddress("--x", text)->IsNumeric()) << text;
+    EXPECT_TRUE(ParseListenAddress("--x", text)->IsAddress()) << text;
   }
   for (const char* text : {"host:80", "1.2.3:80", "1.2.3.4.example:80"}) {
-    EXPECT_FALSE(ParseListenAddress("--x", text)->IsNumeric()) << text;
+    EXPECT_FALSE(ParseListenAddress("--x", text)->IsAddress()) << text;
   }
 }
 
