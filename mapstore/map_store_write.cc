@@ -359,11 +359,11 @@ Status MapStore::State::AuditExclusion(std::int64_t area_id,
       exclusion.reason.empty() ? subject : fmt::format("{}: {}", subject, exclusion.reason));
 }
 
-Status MapStore::State::AddOne(const std::string& area,
-                               const Exclusion& exclusion,
-                               std::vector<Exclusion>* holding) const {
+StatusOr<Exclusion> MapStore::State::AddOne(const std::string& area,
+                                            const Exclusion& exclusion,
+                                            std::vector<Exclusion>* holding) const {
   if (exclusion.reason.empty()) return InvalidArgument("{}: expected a reason", AreaName(area));
-  if (AddExclusion(exclusion, holding)) return OkStatus();
+  if (const Exclusion* const added = AddExclusion(exclusion, holding)) return *added;
   return MakeStatus(StatusCode::kAlreadyExists,
                     "{}: {}: is {} already",
                     AreaName(area),
@@ -418,15 +418,14 @@ Status MapStore::State::ChangeExclusions(const std::string& area,
     }
     exclusion.excluded = now;
     std::vector<Exclusion> ended;
+    std::optional<Exclusion> added;
     if (exclude) {
-      SHIFTMAP_RETURN_IF_ERROR(AddOne(area, exclusion, &holding));
+      SHIFTMAP_ASSIGN_OR_RETURN(added, AddOne(area, exclusion, &holding));
     } else {
       SHIFTMAP_ASSIGN_OR_RETURN(ended, EndOne(area, area_row, exclusion, &holding));
     }
     if (dry_run) continue;
-    if (exclude) {
-      SHIFTMAP_RETURN_IF_ERROR(InsertExclusion(database, area_row.area_id, exclusion).status());
-    }
+    if (added) SHIFTMAP_RETURN_IF_ERROR(WriteExclusion(database, area_row.area_id, *added));
     for (const Exclusion& one : ended) {
       SHIFTMAP_RETURN_IF_ERROR(EndExclusion(database, area_row.area_id, one, now).status());
     }

@@ -50,6 +50,12 @@ class MotionSum {
     cos_ = cos;
   }
 
+  // `way` is a variance in m²; for `seconds` the vehicle may have turned.
+  void AddUnknown(double way, double seconds) {
+    unknown_way_ += way;
+    unknown_turn_ += kUnknownTurn * kUnknownTurn * seconds;
+  }
+
   IntegratedMotion Result() const {
     IntegratedMotion motion;
     motion.T_begin_end = Se2(x_, y_, yaw_);
@@ -60,6 +66,8 @@ class MotionSum {
     motion.J_calibration.col(0) = to_end.leftCols<2>() * Eigen::Vector2d(x_, y_);
     motion.J_calibration.col(1) = to_end * Eigen::Vector3d(turn_x_, turn_y_, yaw_);
     motion.slip_s = slip_s_;
+    motion.unknown_way = unknown_way_;
+    motion.unknown_turn = unknown_turn_;
     motion.cov_per_yaw_noise = to_end * yaw_noise * to_end.transpose();
     return motion;
   }
@@ -80,6 +88,8 @@ class MotionSum {
   double weight_yy_ = 0.0;
   double turn_x_ = 0.0;
   double turn_y_ = 0.0;
+  double unknown_way_ = 0.0;
+  double unknown_turn_ = 0.0;
 };
 
 void AppendSilence(Duration silence, MotionSum* sum) {
@@ -104,30 +114,30 @@ double UnknownWay(double seconds) {
   return seconds < kHalf ? seconds * seconds : kSpeedKept * seconds - kHalf * kHalf;
 }
 
-// What a vehicle may do in a part of a silence, from `begin_s` to `end_s` after it began.
-void AddOpenSilence(double speed_mps, double begin_s, double end_s, IntegratedMotion* motion) {
+// Adds what a vehicle may do in a part of a silence, from `begin_s` to `end_s` after it began.
+void AddOpenSilence(double speed_mps, double begin_s, double end_s, MotionSum* sum) {
   begin_s = std::clamp(begin_s, 0.0, kMaxSilence);
   end_s = std::clamp(end_s, begin_s, kMaxSilence);
-  motion->unknown_way += speed_mps * speed_mps * (UnknownWay(end_s) - UnknownWay(begin_s));
-  motion->unknown_turn += kUnknownTurn * kUnknownTurn * (end_s - begin_s);
+  sum->AddUnknown(speed_mps * speed_mps * (UnknownWay(end_s) - UnknownWay(begin_s)),
+                  end_s - begin_s);
 }
 
 // The same of a silence whose end is known: no part of a clock's jump is more than a short one.
-void AddSilence(double speed_mps, double part_s, double silence_s, IntegratedMotion* motion) {
+void AddSilence(double speed_mps, double part_s, double silence_s, MotionSum* sum) {
   if (part_s <= 0.0) return;
   const double counted_s = std::min(silence_s, kSpeedKept);
   const double share_s = part_s * counted_s / silence_s;
-  motion->unknown_way += speed_mps * speed_mps * share_s * counted_s;
-  motion->unknown_turn += kUnknownTurn * kUnknownTurn * share_s;
+  sum->AddUnknown(speed_mps * speed_mps * share_s * counted_s, share_s);
 }
 
-// What may have happened from `begin` to `end`, for which sample i holds, while it was not fresh.
+// Adds what may have happened from `begin` to `end`, for which sample i holds, while it was not
+// fresh.
 void AddUnknown(std::span<const OdometrySample> odometry,
                 std::size_t i,
                 double scale_v,
                 Stamp begin,
                 Stamp end,
-                IntegratedMotion* motion) {
+                MotionSum* sum) {
   const OdometrySample& sample = odometry[i];
   const double speed_mps = scale_v * std::abs(sample.v_mps);
   const double begin_s = ToSeconds(begin - sample.stamp) - kOdometryFresh;
@@ -136,10 +146,10 @@ void AddUnknown(std::span<const OdometrySample> odometry,
     AddOpenSilence(speed_mps,
                    ToSeconds(sample.stamp - end) - kOdometryFresh,
                    ToSeconds(sample.stamp - begin) - kOdometryFresh,
-                   motion);
+                   sum);
   }
   if (i + 1 == odometry.size()) {
-    if (Moves(sample)) AddOpenSilence(speed_mps, begin_s, end_s, motion);
+    if (Moves(sample)) AddOpenSilence(speed_mps, begin_s, end_s, sum);
     return;
   }
   const OdometrySample& following = odometry[i + 1];
@@ -147,7 +157,7 @@ void AddUnknown(std::span<const OdometrySample> odometry,
   AddSilence(std::max(speed_mps, scale_v * std::abs(following.v_mps)),
              end_s - std::max(begin_s, 0.0),
              ToSeconds(following.stamp - sample.stamp) - kOdometryFresh,
-             motion);
+             sum);
 }
 
 }  // namespace
@@ -236,7 +246,6 @@ IntegratedMotion IntegrateOdometry(std::span<const OdometrySample> odometry,
   while (i + 1 < odometry.size() && odometry[i + 1].stamp <= now) ++i;
 
   MotionSum sum;
-  IntegratedMotion unknown;
   while (now < last) {
     const bool final_sample = i + 1 == odometry.size();
     const Stamp next = final_sample ? last : std::min(last, odometry[i + 1].stamp);
@@ -249,15 +258,12 @@ IntegratedMotion IntegrateOdometry(std::span<const OdometrySample> odometry,
                calibration.scale_omega * omega_radps * dt,
                dt * VarianceShare(v_mps, omega_radps));
     AppendSilence(next - to, &sum);
-    AddUnknown(odometry, i, calibration.scale_v, now, next, &unknown);
+    AddUnknown(odometry, i, calibration.scale_v, now, next, &sum);
     now = next;
     if (!final_sample && odometry[i + 1].stamp <= now) ++i;
   }
   *hint = i;
-  IntegratedMotion motion = sum.Result();
-  motion.unknown_way = unknown.unknown_way;
-  motion.unknown_turn = unknown.unknown_turn;
-  return motion;
+  return sum.Result();
 }
 
 MotionIncrement IntegrateMotion(std::span<const OdometrySample> odometry,

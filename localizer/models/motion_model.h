@@ -97,7 +97,7 @@ inline constexpr double kMaxSilence = 600.0;
 /// Beyond kOdometryHold the vehicle is taken to stand, with the noise of one that moves for up to
 /// kMaxSilence: it was parked, or its clock jumped, by years where a battery was empty. If it moved
 /// before or after, it may from kOdometryFresh on have driven at that speed, and turned:
-/// IntegratedMotion::unknown_way. What may have happened in parts of a silence adds up.
+/// IntegratedMotion::unknown_way. The variances of the parts of a silence add up.
 /// @param odometry  By non-decreasing stamp, not empty.
 /// @param hint      In: where to start looking for `begin`, 0 if unknown. Out: where `end` was
 ///                  found, the hint for an interval that starts there; a sequence of intervals is

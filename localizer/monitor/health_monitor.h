@@ -94,8 +94,8 @@ class HealthMonitor {
   /// Lost by DeclareLost(): the pose is wrong, and not only in doubt.
   bool wrong() const { return lost_ && wrong_; }
 
-  /// By the last Judge(), the map does not prove the pose, be it right or wrong (HealthOptions):
-  /// the landmarks that stand where the map has them, and the others.
+  /// Set by Judge() if the map does not prove the pose (HealthOptions): the numbers of landmarks
+  /// that stand where the map has them, and of the others.
   const std::optional<PoseSupport>& unproven() const { return unproven_; }
 
   /// Of the last observations, those from `since` on and not of `except` (-1: of all).

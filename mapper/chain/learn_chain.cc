@@ -14,7 +14,7 @@
 namespace shiftmap {
 namespace {
 
-// What the visits of a group tell: of one structure, or of both.
+// The fits to a group's visits, of one structure or of both.
 struct Fits {
   std::optional<RateFit> uniform;
   std::optional<RateFit> general;

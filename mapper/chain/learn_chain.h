@@ -23,9 +23,9 @@ struct ChainLearningOptions {
   /// How many groups' worth the prior above counts when the shared one is estimated; > 0.
   double prior_groups = 1.0;
 
-  /// Given, or else both, each with the weight of its marginal likelihood. The general one is
-  /// fitted up to four states, and up to ten where the uniform one tells of as many jumps as it has
-  /// rates: fewer do not tell these, and its time goes with about the fifth power of the states.
+  /// Given, or else both, each with the weight of its marginal likelihood. The general structure is
+  /// fitted up to four states, and up to ten if the uniform one expects as many jumps as there are
+  /// pairs of states. The cost of that fit grows with about the fifth power of the states.
   std::optional<ChainStructure> structure;
 
   double interval = 0.95;  ///< Probability of the intervals; in (0, 1).

@@ -24,7 +24,7 @@ inline bool Stands(const Se2& T_begin_end) {
   return T_begin_end.translation().isZero(0.0) && T_begin_end.yaw() == 0.0;
 }
 
-/// Neither does one that odometry did not measure.
+/// Whether a motion says something about that noise: odometry measured it, and the vehicle drove.
 inline bool TellsNoise(const MotionIncrement& motion) {
   return motion.measured && !Stands(motion.T_begin_end);
 }

@@ -3,12 +3,9 @@
 // The only place that knows libmicrohttpd.
 #include "mapstore/http/http_listener.h"
 
-#include <arpa/inet.h>
 #include <microhttpd.h>
-#include <netinet/in.h>
 
 #include <cerrno>
-#include <cstdint>
 #include <cstring>
 #include <optional>
 #include <string_view>
@@ -21,26 +18,6 @@ constexpr std::size_t kMaxRequestBytes = 8192;
 constexpr unsigned kSilenceS = 10;
 
 using SharedText = std::shared_ptr<const std::string>;
-
-// Nothing if the host is no address.
-std::optional<sockaddr_storage> ToSocketAddress(const ListenAddress& address) {
-  const std::string host = address.host == "localhost" ? "127.0.0.1" : address.host;
-  const std::uint16_t port = htons(static_cast<std::uint16_t>(address.port));
-  sockaddr_storage storage = {};
-  auto* const v4 = reinterpret_cast<sockaddr_in*>(&storage);
-  if (inet_pton(AF_INET, host.c_str(), &v4->sin_addr) == 1) {
-    v4->sin_family = AF_INET;
-    v4->sin_port = port;
-    return storage;
-  }
-  auto* const v6 = reinterpret_cast<sockaddr_in6*>(&storage);
-  if (inet_pton(AF_INET6, host.c_str(), &v6->sin6_addr) == 1) {
-    v6->sin6_family = AF_INET6;
-    v6->sin6_port = port;
-    return storage;
-  }
-  return std::nullopt;
-}
 
 std::string HeaderOf(MHD_Connection* connection, const char* name) {
   const char* const text = MHD_lookup_connection_value(connection, MHD_HEADER_KIND, name);
@@ -121,7 +98,7 @@ StatusOr<HttpListener> HttpListener::Start(
     const ListenAddress& address,
     Handler handler,
     std::vector<std::pair<std::string, std::string>> headers) {
-  std::optional<sockaddr_storage> where = ToSocketAddress(address);
+  std::optional<sockaddr_storage> where = address.SocketAddress();
   if (!where) return InvalidArgument("'{}' is no IP address", address.host);
   auto state = std::make_unique<State>();
   state->address = address;

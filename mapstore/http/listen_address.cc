@@ -2,30 +2,35 @@
 #include "mapstore/http/listen_address.h"
 
 #include <arpa/inet.h>
+#include <netinet/in.h>
 
-#include <optional>
+#include <cstdint>
 
 #include "mapstore/core/parse_whole.h"
 
 namespace shiftmap {
-namespace {
 
-bool IsV4(const std::string& host) {
-  in_addr address = {};
-  return inet_pton(AF_INET, host.c_str(), &address) == 1;
+std::optional<sockaddr_storage> ListenAddress::SocketAddress() const {
+  const std::string numeric = host == "localhost" ? "127.0.0.1" : host;
+  const std::uint16_t port_of_network = htons(static_cast<std::uint16_t>(port));
+  sockaddr_storage storage = {};
+  auto* const v4 = reinterpret_cast<sockaddr_in*>(&storage);
+  if (inet_pton(AF_INET, numeric.c_str(), &v4->sin_addr) == 1) {
+    v4->sin_family = AF_INET;
+    v4->sin_port = port_of_network;
+    return storage;
+  }
+  auto* const v6 = reinterpret_cast<sockaddr_in6*>(&storage);
+  if (inet_pton(AF_INET6, numeric.c_str(), &v6->sin6_addr) == 1) {
+    v6->sin6_family = AF_INET6;
+    v6->sin6_port = port_of_network;
+    return storage;
+  }
+  return std::nullopt;
 }
-
-bool IsV6(const std::string& host) {
-  in6_addr address = {};
-  return inet_pton(AF_INET6, host.c_str(), &address) == 1;
-}
-
-}  // namespace
-
-bool ListenAddress::IsAddress() const { return host == "localhost" || IsV4(host) || IsV6(host); }
 
 bool ListenAddress::IsLoopback() const {
-  return host == "localhost" || host == "::1" || (IsV4(host) && host.starts_with("127."));
+  return host == "localhost" || host == "::1" || (IsAddress() && host.starts_with("127."));
 }
 
 std::string ListenAddress::Text() const {

@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <sys/socket.h>
+
+#include <optional>
 #include <string>
 
 #include "proto/core/status.h"
@@ -12,9 +15,11 @@ struct ListenAddress {
   std::string host = "127.0.0.1";  ///< An address or a name, without brackets.
   int port = 0;                    ///< 0: any that is free.
 
-  /// Whether the host is an IPv4 or IPv6 address. A name is not looked up: `localhost` counts, for
-  /// 127.0.0.1.
-  bool IsAddress() const;
+  /// To bind to. A name is not looked up: nothing, but for `localhost`, which is 127.0.0.1.
+  std::optional<sockaddr_storage> SocketAddress() const;
+
+  /// Whether there is one.
+  bool IsAddress() const { return SocketAddress().has_value(); }
 
   /// Whether only this machine reaches it. Of names, `localhost` only.
   bool IsLoopback() const;

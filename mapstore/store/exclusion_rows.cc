@@ -43,43 +43,42 @@ StatusOr<std::vector<Exclusion>> ReadExclusions(Database& database,
   }
 }
 
-bool AddExclusion(Exclusion exclusion, std::vector<Exclusion>* holding) {
+const Exclusion* AddExclusion(Exclusion exclusion, std::vector<Exclusion>* holding) {
   if (!exclusion.run.empty()) exclusion.since = {};
   const auto same = std::find_if(holding->begin(), holding->end(), [&](const Exclusion& other) {
     return other.run == exclusion.run && other.vehicle == exclusion.vehicle;
   });
-  if (same == holding->end()) {
-    holding->push_back(std::move(exclusion));
-    return true;
-  }
+  if (same == holding->end()) return &holding->emplace_back(std::move(exclusion));
   const bool stronger = same->held && !exclusion.held;
   const bool longer = same->held == exclusion.held && exclusion.since < same->since;
-  if (!stronger && !longer) return false;
+  if (!stronger && !longer) return nullptr;
   exclusion.since = std::min(exclusion.since, same->since);
   *same = std::move(exclusion);
-  return true;
+  return &*same;
 }
 
-StatusOr<bool> InsertExclusion(Database& database, std::int64_t area_id, Exclusion exclusion) {
-  SHIFTMAP_ASSIGN_OR_RETURN(std::vector<Exclusion> holding, ReadExclusions(database, area_id));
-  if (!AddExclusion(exclusion, &holding)) return false;
+Status WriteExclusion(Database& database, std::int64_t area_id, const Exclusion& exclusion) {
   SHIFTMAP_RETURN_IF_ERROR(EndExclusion(database, area_id, exclusion, exclusion.excluded).status());
-  const auto added = std::find_if(holding.begin(), holding.end(), [&](const Exclusion& other) {
-    return other.run == exclusion.run && other.vehicle == exclusion.vehicle;
-  });
   SHIFTMAP_ASSIGN_OR_RETURN(
       Statement row,
       database.Prepare(InsertRowSql(
           "exclusion", "area_id, run, vehicle, since_ns, held, reason, excluded_ns, included_ns")));
   row.Bind(area_id,
-           added->run,
-           added->vehicle,
-           added->vehicle.empty() ? std::int64_t{0} : ToNanoseconds(added->since),
-           added->held ? 1 : 0,
-           added->reason,
-           ToNanoseconds(added->excluded),
+           exclusion.run,
+           exclusion.vehicle,
+           ToNanoseconds(exclusion.since),
+           exclusion.held ? 1 : 0,
+           exclusion.reason,
+           ToNanoseconds(exclusion.excluded),
            std::optional<std::int64_t>());
-  SHIFTMAP_RETURN_IF_ERROR(row.Execute());
+  return row.Execute();
+}
+
+StatusOr<bool> InsertExclusion(Database& database, std::int64_t area_id, Exclusion exclusion) {
+  SHIFTMAP_ASSIGN_OR_RETURN(std::vector<Exclusion> holding, ReadExclusions(database, area_id));
+  const Exclusion* const added = AddExclusion(std::move(exclusion), &holding);
+  if (added == nullptr) return false;
+  SHIFTMAP_RETURN_IF_ERROR(WriteExclusion(database, area_id, *added));
   return true;
 }
 

@@ -20,10 +20,14 @@ StatusOr<std::vector<Exclusion>> ReadExclusions(Database& database,
                                                 std::optional<Stamp> known = std::nullopt);
 
 /// Adds one to those that hold. An exclusion takes the place of a hold, and one of a vehicle that
-/// of a later one, since the earlier of the two times. Returns false if one is there.
-bool AddExclusion(Exclusion exclusion, std::vector<Exclusion>* holding);
+/// of a later one, since the earlier of the two times. Returns the one that holds now, which is
+/// `holding`'s, or null if one is there.
+const Exclusion* AddExclusion(Exclusion exclusion, std::vector<Exclusion>* holding);
 
-/// The same in the database.
+/// Writes what AddExclusion() returned, in place of one of the same run or vehicle.
+Status WriteExclusion(Database& database, std::int64_t area_id, const Exclusion& exclusion);
+
+/// Both. Returns false if one is there.
 StatusOr<bool> InsertExclusion(Database& database, std::int64_t area_id, Exclusion exclusion);
 
 /// Takes one back. Returns false if none holds.

@@ -95,10 +95,10 @@ struct MapStore::State {
                           bool exclude,
                           bool dry_run);
 
-  /// Adds one to those that hold. Errors: as MapStore::Exclude.
-  Status AddOne(const std::string& area,
-                const Exclusion& exclusion,
-                std::vector<Exclusion>* holding) const;
+  /// Adds one to those that hold, and returns it as it holds. Errors: as MapStore::Exclude.
+  StatusOr<Exclusion> AddOne(const std::string& area,
+                             const Exclusion& exclusion,
+                             std::vector<Exclusion>* holding) const;
 
   /// Takes one out of those that hold, by each name of its run, and returns what is taken out.
   /// Errors: as MapStore::Include.
