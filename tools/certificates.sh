@@ -8,7 +8,7 @@
 #                                                         and at more host names or IP addresses
 #   tools/certificates.sh client DIR ROLE NAME            for a vehicle, mapper, inspector or operator
 #   tools/certificates.sh renew DIR NAME                  another certificate with key, subject and addresses
-#   tools/certificates.sh revoke DIR NAME                 into DIR/crl.pem
+#   tools/certificates.sh revoke DIR NAME                 all of its certificates, into DIR/crl.pem
 #   tools/certificates.sh crl DIR                         the list anew, before it is out of date
 #
 # In the environment: DAYS, for how long a certificate holds, 365 by default; or ENDS, until when, as
@@ -99,6 +99,19 @@ sign() {
   printf '%s\n' "$subject" >"$dir/$name.subject"
 }
 
+# One that was renewed holds as long as the new one does, with the same key.
+revoke() {
+  local serials serial
+  serials=$(awk -F'\t' -v name="$1" \
+    '$1 == "V" { sub(/.*\/CN=/, "", $6); if ($6 == name) print $4 }' "$dir/index.txt")
+  [[ -n $serials ]] || fail "'$1': is revoked already" 5
+  for serial in $serials; do
+    "${authority[@]}" -revoke "$dir/issued/$serial.pem" 2>"$dir/$1.err" ||
+      { cat "$dir/$1.err" >&2; exit 70; }
+  done
+  rm -f "$dir/$1.err"
+}
+
 extensions() {
   printf '%s\n' 'basicConstraints = critical, CA:false' 'keyUsage = critical, digitalSignature' \
     "extendedKeyUsage = $1" 'authorityKeyIdentifier = keyid'
@@ -139,7 +152,7 @@ case $command in
     (($# == 1)) || usage
     check_name "$1"
     [[ -e $dir/$1.pem ]] || fail "'$1': has no certificate here" 6
-    "${authority[@]}" -revoke "$dir/$1.pem" 2>/dev/null || fail "'$1': is revoked already" 5
+    revoke "$1"
     make_crl
     ;;
   crl) make_crl ;;

@@ -238,6 +238,7 @@ TEST_F(ServerTest, ACertificateIsRevokedWhileTheServerRuns) {
   const auto watch = client->WatchSnapshots(&context, request);
   proto::Snapshot snapshot;
   ASSERT_TRUE(watch->Read(&snapshot));
+  MakeCertificate({"renew", ca, "stolen"});  // The client has the older one.
   MakeCertificate({"revoke", ca, "stolen"});
   grpc::StatusCode code = grpc::StatusCode::OK;
   for (int tries = 0; tries < 100 * kSlowdown && code == grpc::StatusCode::OK; ++tries) {
