@@ -30,6 +30,7 @@
 #include "mapper/run_maps/run_map.h"
 #include "mapper/run_maps/run_variances.h"
 #include "mapper/run_maps/single_run.h"
+#include "mapper/run_maps/unconfirmed_visits.h"
 #include "mapper/state/build_state.h"
 
 namespace shiftmap {
@@ -315,6 +316,7 @@ constexpr double kMapCostTolerance = 1e-6;
 StatusOr<int> RefineTogether(const MapperOptions& options, Watch* watch, BuildState* build) {
   build->loss_reach = options.loss_reach_sds;
   PoseByOthers(options, build);
+  ConfirmVisits(options, build);
   GraphSolver solver;  // Rounds of noise go on from where this ends.
   int iterations = RefineAndRelocate(options, watch->During("all runs", 0.6), build, &solver);
   SHIFTMAP_RETURN_IF_ERROR(watch->status());

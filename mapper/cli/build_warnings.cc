@@ -12,6 +12,13 @@
 #include "mapstore/core/inert_text.h"
 
 namespace shiftmap {
+namespace {
+
+// Share of a run's observations from which on somebody has to see to them. Sensors that work have a
+// few in a hundred.
+constexpr double kMostOutliers = 0.1;
+
+}  // namespace
 
 std::vector<std::string> AtTwoPlaces(const std::vector<MapperInput>& inputs,
                                      const std::vector<LineRun>& known_runs) {
@@ -79,11 +86,21 @@ void WarnOfOdd(const MapperResult& result, const Context& context) {
                                  run.name,
                                  run.anonymous_observations));
     }
-    if (run.duplicate_observations == 0) continue;
-    context.Warn(fmt::format(
-        "run '{}': {} observations of a signature at two places in one scan are left out",
-        run.name,
-        run.duplicate_observations));
+    if (run.duplicate_observations > 0) {
+      context.Warn(fmt::format(
+          "run '{}': {} observations of a signature at two places in one scan are left out",
+          run.name,
+          run.duplicate_observations));
+    }
+    if (run.outliers > kMostOutliers * run.observations) {
+      context.Warn(
+          fmt::format("run '{}': {} of {} observations are not where the map has their landmark, "
+                      "or cannot be confirmed: signatures are misread, or landmarks move while "
+                      "they are in view",
+                      run.name,
+                      run.outliers,
+                      run.observations));
+    }
   }
 }
 

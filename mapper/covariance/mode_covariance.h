@@ -29,6 +29,11 @@ class ModeDifferences {
   /// Covariance of p_a - p_b. [m²]
   Eigen::Matrix2d Covariance(ModeIndex a, ModeIndex b) const;
 
+  /// The same, where there are samples by these: a standard deviation is an eighth off.
+  Eigen::Matrix2d ApproximateCovariance(ModeIndex a, ModeIndex b) const {
+    return samples_.cols() == 0 ? Covariance(a, b) : SampledCovariance(a, b, 1.0);
+  }
+
   /// Less and more than Covariance(), but with probability 1e-5: a quarter and four times the mean
   /// square of 32 seeded samples, as χ² of 32 degrees of freedom is seldom that far from its mean.
   /// Without samples zero and as good as infinite. [m²]

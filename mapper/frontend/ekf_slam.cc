@@ -93,7 +93,8 @@ std::vector<Se2> Smoothed(const std::vector<Step>& steps) {
 
 std::vector<Se2> EstimateTrajectoryByEkf(const MappingRun& run,
                                          const FrameMotions& motions,
-                                         const Calibration& calibration) {
+                                         const Calibration& calibration,
+                                         const IndexedVector<VisitIndex, bool>& left_out) {
   SlamState state(calibration);
   GatedLandmarks landmarks;
   std::vector<Step> steps;
@@ -109,7 +110,7 @@ std::vector<Se2> EstimateTrajectoryByEkf(const MappingRun& run,
     }
     step.predicted = PoseOf(state);
     for (const SightingIndex s : frame.sightings()) {
-      if (!confirmed[s]) continue;
+      if (!confirmed[s] || (!left_out.empty() && left_out[run.sightings[s].visit])) continue;
       const Observation& observation = observations[s];
       state.Focus(observation.PositionInVehicle().norm());
       const GroupIndex group = run.visits[run.sightings[s].visit].group;

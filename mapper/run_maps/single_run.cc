@@ -21,6 +21,7 @@
 #include "mapper/registration/place_run_maps.h"
 #include "mapper/run_maps/broken_motion.h"
 #include "mapper/run_maps/run_map.h"
+#include "mapper/run_maps/unconfirmed_visits.h"
 #include "mapper/state/sightings.h"
 
 namespace shiftmap {
@@ -36,7 +37,9 @@ constexpr NoiseRounds kNoiseRounds{.most = 3, .settled = 1.2};
 void PlaceModes(double radius_m, BuildState* build) {
   BuildRun& run = build->runs.front();
   IndexedVector<GroupIndex, std::vector<Eigen::Vector2d>> positions(build->modes.size());
-  for (const MappingVisit& visit : run.data->visits) {
+  for (const VisitIndex v : run.data->visits.indices()) {
+    if (run.IsUnconfirmed(v)) continue;
+    const MappingVisit& visit = run.data->visits[v];
     const std::vector<Eigen::Vector2d> seen = VisitPositions(run, visit);
     std::vector<Eigen::Vector2d>& all = positions[visit.group];
     all.insert(all.end(), seen.begin(), seen.end());
@@ -46,6 +49,9 @@ void PlaceModes(double radius_m, BuildState* build) {
     build->modes[group].push_back({DensestCluster(positions[group], radius_m).centre, kAbsent});
   }
   run.assignment.assign(run.data->visits.size(), GroupModeIndex(0));
+  for (const VisitIndex v : run.assignment.indices()) {
+    if (run.IsUnconfirmed(v)) run.assignment[v] = kUnassigned;
+  }
 }
 
 // Calibrates the odometry's scales, lag and noise and the sensor's errors and noise with every
@@ -64,7 +70,12 @@ void CalibrateOpen(const MapperOptions& options,
   run->odometry = start.odometry;
   run->motions = IntegrateMotions(*run->data, run->odometry);
   run->poses = DeadReckon(run->motions);
-  for (const MappingVisit& visit : run->data->visits) {
+  for (const VisitIndex v : run->data->visits.indices()) {
+    if (run->IsUnconfirmed(v)) {
+      run->assignment.push_back(kUnassigned);
+      continue;
+    }
+    const MappingVisit& visit = run->data->visits[v];
     GroupModes& modes = open.modes[visit.group];
     run->assignment.push_back(modes.end_index());
     modes.push_back({ClusterOf(*run, visit, options.modes.cluster_radius_m).centre, kAbsent});
@@ -146,7 +157,8 @@ BuildState MapByEkf(const MapperOptions& options,
                     BuildRun run) {
   const SensorCalibration sensor =
       WithBias(build.sensor, run.sensor_bias, run.data->mean_squared_bearing);
-  run.poses = EstimateTrajectoryByEkf(*run.data, run.motions, {run.odometry, sensor});
+  run.poses =
+      EstimateTrajectoryByEkf(*run.data, run.motions, {run.odometry, sensor}, run.unconfirmed);
   return MapFromPoses(options, build, on_step, std::move(run));
 }
 
@@ -233,6 +245,40 @@ BuildState MapByParts(const MapperOptions& options,
   return MapFromPoses(options, build, on_step, std::move(run));
 }
 
+// Maps a run from all visits, or without those that are not confirmed.
+BuildState MapVisits(const MappingRun& run,
+                     std::size_t groups,
+                     const MapperOptions& options,
+                     const StepCallback& on_step,
+                     IndexedVector<VisitIndex, bool> unconfirmed) {
+  BuildState nothing = StartBuild(groups, options.calibration.sensor);
+  BuildRun build;
+  build.data = &run;
+  build.odometry = options.calibration.odometry;
+  build.unconfirmed = std::move(unconfirmed);
+  if (options.calibrate) CalibrateOpen(options, groups, on_step, &build, &nothing.sensor);
+  UpdateMotions(run, build.odometry, &build.motions);
+  const double part_s = PartDuration(options.modes, build);
+  const bool by_parts = GoesByParts(options.modes, run, part_s);
+  const auto map = [&](bool in_parts) {
+    return in_parts ? MapByParts(options, nothing, on_step, part_s, build)
+                    : MapByEkf(options, nothing, on_step, build);
+  };
+  BuildState first = map(by_parts);
+  if (!IsInconsistent(first) || (on_step && !on_step(first))) return first;
+  BuildState best = map(!by_parts);
+  if (CostOf(first) <= CostOf(best)) best = std::move(first);
+  while (IsInconsistent(best) && !(on_step && !on_step(best))) {
+    const std::optional<FrameIndex> broken = FindBrokenMotion(best);
+    if (!broken) break;
+    BreakMotion(*broken, &build.motions);
+    BuildState broken_up = map(true);
+    if (CostOf(broken_up) >= CostOf(best)) break;
+    best = std::move(broken_up);
+  }
+  return best;
+}
+
 }  // namespace
 
 void PullTogether(const MapperOptions& options, BuildState* build) {
@@ -258,6 +304,9 @@ BuildState MapPart(const MapperOptions& options,
   of_part.odometry = run.odometry;
   of_part.sensor_bias = run.sensor_bias;
   of_part.motions = IntegrateMotions(part, run.odometry);
+  if (!run.unconfirmed.empty()) {
+    of_part.unconfirmed = UnconfirmedVisits(options.modes, part, of_part.motions);
+  }
   return MapByEkf(options, build, on_step, std::move(of_part));
 }
 
@@ -265,31 +314,19 @@ BuildState MapSingleRun(const MappingRun& run,
                         std::size_t groups,
                         const MapperOptions& options,
                         const StepCallback& on_step) {
-  BuildState nothing = StartBuild(groups, options.calibration.sensor);
-  BuildRun build;
-  build.data = &run;
-  build.odometry = options.calibration.odometry;
-  if (options.calibrate) CalibrateOpen(options, groups, on_step, &build, &nothing.sensor);
-  UpdateMotions(run, build.odometry, &build.motions);
-  const double part_s = PartDuration(options.modes, build);
-  const bool by_parts = GoesByParts(options.modes, run, part_s);
-  const auto map = [&](bool in_parts) {
-    return in_parts ? MapByParts(options, nothing, on_step, part_s, build)
-                    : MapByEkf(options, nothing, on_step, build);
-  };
-  BuildState first = map(by_parts);
-  if (!IsInconsistent(first) || (on_step && !on_step(first))) return first;
-  BuildState best = map(!by_parts);
-  if (CostOf(first) <= CostOf(best)) best = std::move(first);
-  while (IsInconsistent(best) && !(on_step && !on_step(best))) {
-    const std::optional<FrameIndex> broken = FindBrokenMotion(best);
-    if (!broken) break;
-    BreakMotion(*broken, &build.motions);
-    BuildState broken_up = map(true);
-    if (CostOf(broken_up) >= CostOf(best)) break;
-    best = std::move(broken_up);
+  // What is confirmed leaves less uncertain, which may confirm more.
+  constexpr int kRounds = 3;
+  BuildState mapped = MapVisits(run, groups, options, on_step, {});
+  IndexedVector<VisitIndex, bool> unconfirmed =
+      UnconfirmedVisits(options.modes, run, mapped.runs.front().motions);
+  if (!MisreadsMany(mapped, unconfirmed) || (on_step && !on_step(mapped))) return mapped;
+  mapped = MapVisits(run, groups, options, on_step, std::move(unconfirmed));
+  for (int round = 0; round < kRounds && (!on_step || on_step(mapped)); ++round) {
+    if (ConfirmVisits(options, &mapped) == 0) break;
+    GraphSolver solver;
+    AlternateModes(options, &mapped, &solver, on_step);
   }
-  return best;
+  return mapped;
 }
 
 }  // namespace shiftmap

@@ -64,6 +64,12 @@ struct BuildRun {
   /// The mode of each visit, or kUnassigned: its sightings are clutter, or of a landmark at no
   /// known position.
   IndexedVector<VisitIndex, OptionalMode> assignment;
+
+  /// Visits that hold at no mode, as they may be misread (run_maps/unconfirmed_visits.h). Empty:
+  /// none.
+  IndexedVector<VisitIndex, bool> unconfirmed;
+
+  bool IsUnconfirmed(VisitIndex visit) const { return !unconfirmed.empty() && unconfirmed[visit]; }
 };
 
 /// What a mode beside another costs where solutions are compared, as BuildState::cost: the landmark
