@@ -83,6 +83,12 @@ make_crl() {
   mv "$dir/crl.new" "$dir/crl.pem"
 }
 
+# What openssl says is shown only if it fails.
+run_authority() {
+  "${authority[@]}" "$@" 2>"$dir/authority.err" || { cat "$dir/authority.err" >&2; exit 70; }
+  rm -f "$dir/authority.err"
+}
+
 # name, subject; the extensions are in DIR/NAME.ext. What is at NAME.pem is replaced at once.
 sign() {
   local name=$1 subject=$2
@@ -91,9 +97,8 @@ sign() {
     -config <(printf '[req]\ndistinguished_name = dn\n[dn]\n')
   local period=(-days "$days")
   [[ -z ${ENDS:-} ]] || period=(-enddate "$ENDS")
-  "${authority[@]}" "${period[@]}" -in "$dir/$name.csr" -extfile "$dir/$name.ext" \
-    -out "$dir/$name.new" 2>"$dir/$name.err" || { cat "$dir/$name.err" >&2; exit 70; }
-  rm -f "$dir/$name.csr" "$dir/$name.err"
+  run_authority "${period[@]}" -in "$dir/$name.csr" -extfile "$dir/$name.ext" -out "$dir/$name.new"
+  rm -f "$dir/$name.csr"
   chmod a+r "$dir/$name.new"
   mv "$dir/$name.new" "$dir/$name.pem"
   printf '%s\n' "$subject" >"$dir/$name.subject"
@@ -106,10 +111,8 @@ revoke() {
     '$1 == "V" { sub(/.*\/CN=/, "", $6); if ($6 == name) print $4 }' "$dir/index.txt")
   [[ -n $serials ]] || fail "'$1': is revoked already" 5
   for serial in $serials; do
-    "${authority[@]}" -revoke "$dir/issued/$serial.pem" 2>"$dir/$1.err" ||
-      { cat "$dir/$1.err" >&2; exit 70; }
+    run_authority -revoke "$dir/issued/$serial.pem"
   done
-  rm -f "$dir/$1.err"
 }
 
 extensions() {

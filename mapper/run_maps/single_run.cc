@@ -37,8 +37,10 @@ constexpr NoiseRounds kNoiseRounds{.most = 3, .settled = 1.2};
 void PlaceModes(double radius_m, BuildState* build) {
   BuildRun& run = build->runs.front();
   IndexedVector<GroupIndex, std::vector<Eigen::Vector2d>> positions(build->modes.size());
+  run.assignment.assign(run.data->visits.size(), kUnassigned);
   for (const VisitIndex v : run.data->visits.indices()) {
     if (run.IsUnconfirmed(v)) continue;
+    run.assignment[v] = GroupModeIndex(0);
     const MappingVisit& visit = run.data->visits[v];
     const std::vector<Eigen::Vector2d> seen = VisitPositions(run, visit);
     std::vector<Eigen::Vector2d>& all = positions[visit.group];
@@ -47,10 +49,6 @@ void PlaceModes(double radius_m, BuildState* build) {
   for (const GroupIndex group : positions.indices()) {
     if (positions[group].empty()) continue;
     build->modes[group].push_back({DensestCluster(positions[group], radius_m).centre, kAbsent});
-  }
-  run.assignment.assign(run.data->visits.size(), GroupModeIndex(0));
-  for (const VisitIndex v : run.assignment.indices()) {
-    if (run.IsUnconfirmed(v)) run.assignment[v] = kUnassigned;
   }
 }
 
@@ -70,14 +68,12 @@ void CalibrateOpen(const MapperOptions& options,
   run->odometry = start.odometry;
   run->motions = IntegrateMotions(*run->data, run->odometry);
   run->poses = DeadReckon(run->motions);
+  run->assignment.assign(run->data->visits.size(), kUnassigned);
   for (const VisitIndex v : run->data->visits.indices()) {
-    if (run->IsUnconfirmed(v)) {
-      run->assignment.push_back(kUnassigned);
-      continue;
-    }
+    if (run->IsUnconfirmed(v)) continue;
     const MappingVisit& visit = run->data->visits[v];
     GroupModes& modes = open.modes[visit.group];
-    run->assignment.push_back(modes.end_index());
+    run->assignment[v] = modes.end_index();
     modes.push_back({ClusterOf(*run, visit, options.modes.cluster_radius_m).centre, kAbsent});
   }
   open.runs.push_back(std::move(*run));

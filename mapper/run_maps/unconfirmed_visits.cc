@@ -1,10 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "mapper/run_maps/unconfirmed_visits.h"
 
-#include <Eigen/Eigenvalues>
-#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <optional>
 #include <vector>
 
@@ -61,7 +60,7 @@ struct Probe {
 struct Match {
   double density = 0.0;      // Over all modes of the landmark. [1/m²]
   GroupModeIndex likeliest;  // Of these.
-  double variance = 0.0;     // Of the difference from it, in the direction with most of it. [m²]
+  double sd = 0.0;           // Of the difference from it, in the direction with the largest. [m]
 };
 
 // @param modes  Of the landmark, before it had those of the probes.
@@ -81,36 +80,32 @@ Match MatchOf(const ModeOptions& options,
     const Eigen::Matrix2d S =
         differences.ApproximateCovariance(flat.Index(group, probe.own), flat.Index(group, k)) +
         floor;
-    const Eigen::Vector2d difference = all[probe.own].p_map_landmark - all[k].p_map_landmark;
-    const double density = std::exp(-0.5 * SquaredMahalanobis(difference, S)) /
-                           (2.0 * M_PI * std::sqrt(S.determinant()));
+    const double density =
+        std::exp(LogGaussian(all[probe.own].p_map_landmark - all[k].p_map_landmark, S));
     match.density += density / static_cast<double>(modes);
     if (density <= highest) continue;
     highest = density;
     match.likeliest = k;
-    match.variance = Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>(S).eigenvalues().maxCoeff();
+    match.sd = LargestSd(S);
   }
   return match;
 }
 
 // Visits that modes of their landmarks confirm.
-int ConfirmByModes(const MapperOptions& options, BuildState* build) {
+int ConfirmByModes(const MapperOptions& options,
+                   const std::vector<VisitRef>& visits,
+                   BuildState* build) {
   BuildState probing = *build;
   IndexedVector<RunIndex, std::vector<Probe>> probes(build->runs.size());
-  for (const RunIndex r : build->runs.indices()) {
-    const BuildRun& run = build->runs[r];
-    for (const VisitIndex v : run.unconfirmed.indices()) {
-      const MappingVisit& visit = run.data->visits[v];
-      if (!run.unconfirmed[v] || build->modes[visit.group].empty()) continue;
-      const VisitCluster cluster = ClusterOf(run, visit, options.modes.cluster_radius_m);
-      if (cluster.count == 0) continue;
-      const GroupModeIndex own = AddMode(visit.group, {cluster.centre, kAbsent}, &probing);
-      probing.runs[r].assignment[v] = own;
-      probes[r].push_back({{r, v}, own});
-    }
+  for (const VisitRef& ref : visits) {
+    const MappingVisit& visit = VisitOf(*build, ref);
+    const VisitCluster cluster =
+        ClusterOf(build->runs[ref.run], visit, options.modes.cluster_radius_m);
+    const GroupModeIndex own = AddMode(visit.group, {cluster.centre, kAbsent}, &probing);
+    AssignmentOf(&probing, ref) = own;
+    probes[ref.run].push_back({ref, own});
   }
   const Graph graph = MakeGraph(options, &probing);
-  if (graph.modes.size() == FlatModes(*build).count()) return 0;
   GraphSolver solver;
   const auto differences = ModeDifferences::Of(graph, &solver);
   if (!differences) return 0;
@@ -128,7 +123,7 @@ int ConfirmByModes(const MapperOptions& options, BuildState* build) {
     const std::vector<double> misread = MisreadProbabilities(densities, 1.0 / SeenArea(*run.data));
     for (std::size_t i = 0; i < probes[r].size(); ++i) {
       const bool sure = misread[i] <= 1.0 - options.confirmation.min_probability;
-      if (!sure && matches[i].variance > kHarmlessSd * kHarmlessSd) continue;
+      if (!sure && matches[i].sd > kHarmlessSd) continue;
       const VisitIndex v = probes[r][i].visit.visit;
       run.unconfirmed[v] = false;
       if (misread[i] < 0.5) run.assignment[v] = matches[i].likeliest;
@@ -139,35 +134,35 @@ int ConfirmByModes(const MapperOptions& options, BuildState* build) {
 }
 
 // Visits to landmarks without a mode that agree on a place, which gets one.
-int ConfirmByEachOther(const ModeOptions& options, BuildState* build) {
-  IndexedVector<GroupIndex, std::vector<VisitRef>> visits(build->modes.size());
-  for (const RunIndex r : build->runs.indices()) {
-    const BuildRun& run = build->runs[r];
-    for (const VisitIndex v : run.unconfirmed.indices()) {
-      const GroupIndex group = run.data->visits[v].group;
-      if (run.unconfirmed[v] && build->modes[group].empty()) visits[group].push_back({r, v});
-    }
+int ConfirmByEachOther(const ModeOptions& options,
+                       const std::vector<VisitRef>& visits,
+                       BuildState* build) {
+  struct Seen {
+    VisitRef visit;
+    std::vector<Eigen::Vector2d> places;
+  };
+  std::map<GroupIndex, std::vector<Seen>> by_group;
+  for (const VisitRef& ref : visits) {
+    const MappingVisit& visit = VisitOf(*build, ref);
+    by_group[visit.group].push_back({ref, VisitPositions(build->runs[ref.run], visit)});
   }
   int confirmed = 0;
-  for (const GroupIndex group : visits.indices()) {
+  for (const auto& [group, seen] : by_group) {
     std::vector<Eigen::Vector2d> positions;
-    for (const VisitRef& ref : visits[group]) {
-      const std::vector<Eigen::Vector2d> seen =
-          VisitPositions(build->runs[ref.run], VisitOf(*build, ref));
-      positions.insert(positions.end(), seen.begin(), seen.end());
+    for (const auto& [ref, places] : seen) {
+      positions.insert(positions.end(), places.begin(), places.end());
     }
     const VisitCluster cluster = DensestCluster(positions, options.cluster_radius_m);
     if (cluster.count < options.min_sightings) continue;
     const GroupModeIndex mode = AddMode(group, {cluster.centre, kAbsent}, build);
-    for (const VisitRef& ref : visits[group]) {
-      BuildRun& run = build->runs[ref.run];
-      const std::vector<Eigen::Vector2d> seen = VisitPositions(run, VisitOf(*build, ref));
-      const bool agrees = std::any_of(seen.begin(), seen.end(), [&](const Eigen::Vector2d& place) {
-        return (place - cluster.centre).norm() <= options.cluster_radius_m;
-      });
+    for (const auto& [ref, places] : seen) {
+      const bool agrees =
+          std::any_of(places.begin(), places.end(), [&](const Eigen::Vector2d& place) {
+            return (place - cluster.centre).norm() <= options.cluster_radius_m;
+          });
       if (!agrees) continue;
-      run.unconfirmed[ref.visit] = false;
-      run.assignment[ref.visit] = mode;
+      build->runs[ref.run].unconfirmed[ref.visit] = false;
+      AssignmentOf(build, ref) = mode;
       ++confirmed;
     }
   }
@@ -213,7 +208,20 @@ bool MisreadsMany(const BuildState& build, const IndexedVector<VisitIndex, bool>
 }
 
 int ConfirmVisits(const MapperOptions& options, BuildState* build) {
-  return ConfirmByModes(options, build) + ConfirmByEachOther(options.modes, build);
+  std::vector<VisitRef> of_modes;
+  std::vector<VisitRef> without_mode;
+  for (const RunIndex r : build->runs.indices()) {
+    const BuildRun& run = build->runs[r];
+    for (const VisitIndex v : run.unconfirmed.indices()) {
+      if (!run.unconfirmed[v]) continue;
+      const bool has_mode = !build->modes[run.data->visits[v].group].empty();
+      (has_mode ? of_modes : without_mode).push_back({r, v});
+    }
+  }
+  int confirmed = 0;
+  if (!of_modes.empty()) confirmed += ConfirmByModes(options, of_modes, build);
+  confirmed += ConfirmByEachOther(options.modes, without_mode, build);
+  return confirmed;
 }
 
 }  // namespace shiftmap

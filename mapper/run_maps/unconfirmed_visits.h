@@ -7,14 +7,14 @@
 namespace shiftmap {
 
 /// Visits of which fewer sightings agree, by dead reckoning, than a mode needs: each may be of a
-/// misread signature. None where such visits have most of the sightings of the run: what is left
-/// would be too little for a map.
+/// misread signature. If such visits have most of the run's sightings, none is returned: the others
+/// would be too few for a map.
 IndexedVector<VisitIndex, bool> UnconfirmedVisits(const ModeOptions& options,
                                                   const MappingRun& run,
                                                   const FrameMotions& motions);
 
-/// Whether a run misreads so many signatures that such visits cannot be trusted: in a map of all
-/// visits more than a fifth of them have no sighting where their landmark is.
+/// True if over a fifth of such visits have no sighting at the place of their landmark in a map of
+/// all visits: the run misreads signatures too often to trust these visits.
 bool MisreadsMany(const BuildState& build, const IndexedVector<VisitIndex, bool>& unconfirmed);
 
 /// Confirms visits of a solved build by the map of the others; nothing is solved.
