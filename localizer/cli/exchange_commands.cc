@@ -16,8 +16,9 @@ namespace {
 Status HandOver(std::vector<std::string> arguments) {
   std::error_code error;
   const std::filesystem::path self = std::filesystem::read_symlink("/proc/self/exe", error);
-  std::string program = (self.parent_path() / "shiftmap-transfer").string();
-  std::vector<char*> words = {program.data()};
+  const std::string program = (self.parent_path() / "shiftmap-transfer").string();
+  std::string name = "shiftmap-localizer";  // Messages begin with it.
+  std::vector<char*> words = {name.data()};
   for (std::string& argument : arguments) words.push_back(argument.data());
   words.push_back(nullptr);
   execv(program.c_str(), words.data());

@@ -67,6 +67,11 @@ bool Has(std::span<const std::string> arguments, std::string_view flag) {
   return std::find(arguments.begin(), arguments.end(), flag) != arguments.end();
 }
 
+std::string WithoutPrefix(const std::string& program) {
+  constexpr std::string_view kPrefix = "shiftmap-";
+  return program.starts_with(kPrefix) ? program.substr(kPrefix.size()) : program;
+}
+
 std::string ConfigPath(std::span<const std::string> arguments) {
   constexpr std::string_view kName = "--config";
   for (std::size_t i = 0; i < arguments.size(); ++i) {
@@ -79,7 +84,9 @@ std::string ConfigPath(std::span<const std::string> arguments) {
 }  // namespace
 
 Application::State::State(std::string program_name, std::string description)
-    : program(std::move(program_name)), parser(std::move(description), program) {
+    : program(std::move(program_name)),
+      site_file_program(WithoutPrefix(program)),
+      parser(std::move(description), program) {
   AddCommonOptions(&parser, &common, &allowed);
   Allow({"bash", "zsh"},
         parser.add_option(kCompletion, "Print a script by which a shell completes words, and exit"),
@@ -99,9 +106,8 @@ Command* Application::State::Select(std::span<const std::string> arguments) cons
 }
 
 ReadingProgram Application::State::Reader() const {
-  constexpr std::string_view kPrefix = "shiftmap-";
   ReadingProgram reader;
-  reader.name = program.starts_with(kPrefix) ? program.substr(kPrefix.size()) : program;
+  reader.name = site_file_program;
   for (const auto& command : commands) reader.commands.push_back(KeysOf(*command));
   return reader;
 }
@@ -344,7 +350,10 @@ Command& Application::AddCommand(const std::string& name,
   return *state_->commands.back();
 }
 
-void Application::LeaveSiteFileUnchecked() { state_->checks_site_file = false; }
+void Application::ReadSiteFileOf(const std::string& program) {
+  state_->site_file_program = program;
+  state_->checks_site_file = false;
+}
 
 ExitCode Application::Run(const std::vector<std::string>& arguments,
                           std::ostream* out,

@@ -34,8 +34,10 @@ class Application {
   /// Adds `config`, which prints what holds for each option of each command, and why.
   void AddConfigCommand();
 
-  /// For a binary that runs some commands of a program whose own binary has checked the site file.
-  void LeaveSiteFileUnchecked();
+  /// For a binary that runs some commands of another program: it reads that program's tables of the
+  /// site file, which that program has checked.
+  /// @param program  As in ProgramCommands.
+  void ReadSiteFileOf(const std::string& program);
 
   /// Runs what the arguments (without the program's name) ask for; call once.
   ExitCode Run(const std::vector<std::string>& arguments, std::ostream* out, std::ostream* err);

@@ -78,6 +78,11 @@ class TransferTest : public ServerTest {
   ServerProcess server_;
 };
 
+TEST(TransferProgram, NamesItself) {
+  const std::string help = RunCommand("shiftmap-transfer", {"--help"}).out;
+  EXPECT_NE(help.find("Usage: shiftmap-transfer "), std::string::npos) << help;
+}
+
 TEST_F(TransferTest, AVehicleFetchesItsMapAndHandsInWhatItLearned) {
   const std::string output = dir_.File("floor.db");
   const Json fetched = RunForJson("shiftmap-localizer",

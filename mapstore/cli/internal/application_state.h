@@ -64,6 +64,7 @@ struct Application::State {
   std::vector<CompletedCommand> Completed() const;
 
   std::string program;
+  std::string site_file_program;  ///< Whose tables of the site file it reads.
   bool checks_site_file = true;
   CommonOptions common;
   CLI::App parser;
