@@ -17,7 +17,7 @@ const std::vector<ProgramCommands>& AllPrograms() {
         "runs",    "show",    "sightings", "vehicles", "verify",  "versions", "view"}},
       {"sim", {"mine", "open"}},
       {"convert", {"carmen", "check", "csv", "lidar-json", "rosbag2", "utias", "victoria-park"}},
-      {"eval", {"consistency", "map", "trajectory"}},
+      {"eval", {"map", "trajectory"}},
       {"experiment",
        {"alignments",
         "engines",

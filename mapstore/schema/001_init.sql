@@ -3,7 +3,7 @@
 -- Schema version 1 of the map store. Units are in the names: _m metres, _m2 square metres, _rad
 -- radians, _s seconds, _ns nanoseconds (stamps: since the Unix epoch, UTC). Positions are in the
 -- area's map frame; covariances are over (x, y). Numbers in BLOBs are 8 bytes, big-endian. The model
--- behind the tables: mapstore/README.md.
+-- behind the tables: mapstore/METHOD.md.
 
 PRAGMA application_id = 1399344496;  -- 0x53684D70, "ShMp"
 PRAGMA user_version = 1;

@@ -39,10 +39,10 @@ struct LogMessage {
 /// A file that ends early, as after a power failure, gives everything up to its last whole chunk
 /// (or its last whole message outside chunks), and truncation() then says so.
 ///
-/// Errors: kInvalidArgument if it is not MCAP, or a chunk's compression is not "", "zstd" or "lz4";
-/// kDataLoss if a CRC is wrong, a record does not hold what its type says, or a limit of format.h
-/// is passed; kUnavailable if the stream cannot be read. After an error the reader is at its end.
-/// Messages name the byte of the record.
+/// Errors: kInvalidArgument if it is not MCAP, or a chunk's compression is none of "", "none",
+/// "zstd" and "lz4"; kDataLoss if a CRC is wrong, a record does not hold what its type says, or a
+/// limit of format.h is passed; kUnavailable if the stream cannot be read. After an error the
+/// reader is at its end. Messages name the byte of the record.
 class Reader {
  public:
   /// Reads the header.

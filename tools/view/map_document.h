@@ -37,8 +37,8 @@ struct MapDocumentOptions {
   std::int64_t max_rhythm_rates = 100'000;
 };
 
-/// The data document of the page; its layout is in tools/view/README.md, with page/data.ts as its
-/// reader. Names are text as InertLine() leaves them.
+/// The data document of the page; page/data.ts, which reads it, has its layout. Names are text as
+/// InertLine() leaves them.
 ///
 /// Errors: those of MapStore; kNotFound if the area has no published version and none is named.
 StatusOr<Json> MapDocument(const std::string& area,
