@@ -26,9 +26,10 @@ constexpr double kMinOdometry = 1e-4;
 constexpr double kMinPosition = 1e-3;
 constexpr double kMinBearing = 1e-4;
 
-// The factor by which to change a standard deviation (mapper/METHOD.md, 5). What residuals
-// say, s / r, is a share of r / n of the way where all n have as much to say, and all of it where r
-// of them say all.
+// The factor by which to change a standard deviation σ. If every residual has the variance σ₀²
+// sought plus a part m that the fit absorbs, r / n = σ² / (σ² + m), and σ₀² = σ² (1 + (s/r - 1)
+// n/r) with s the sum of squares. If r residuals determine all, σ₀² = σ² s/r. Steps lie in between,
+// with √(n/r).
 double Factor(const ResidualStatistics& statistics, ResidualStatistics::Kind kind) {
   const double redundancy = statistics.redundancy[kind];
   if (redundancy < kMinRedundancy) return 1.0;

@@ -33,7 +33,8 @@ Graph SolveTruncated(const MapperOptions& options,
 
 /// Finds the noise of the sensor and of each vehicle's odometry from the residuals of solved
 /// graphs: each variance is multiplied by what its residuals have too much or too little (variance
-/// components, mapper/METHOD.md, 5), and the build is solved again, until they stay.
+/// components, mapper/METHOD.md, 5; Förstner: Ein Verfahren zur Schätzung von Varianz- und
+/// Kovarianzkomponenten, 1979), and the build is solved again, until they stay.
 /// After the last change it is not. Precondition: the build is solved, if roughly.
 /// @param solver  What it keeps goes on from and to other solves of this build.
 void CalibrateNoise(const MapperOptions& options,

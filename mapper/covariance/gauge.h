@@ -17,8 +17,10 @@ std::optional<Eigen::VectorXd> AlignedDifference(const std::vector<Eigen::Vector
 
 /// Refers a joint covariance of positions to the positions as a whole, P' = (I - GGᵀ) P (I - GGᵀ)
 /// with G the gauge directions: the inner-constraint solution of surveying. It does not depend on
-/// which pose or landmark held the frame in the solve, and has the smallest trace of all choices. A
-/// floor of 1 mm per axis keeps it positive definite.
+/// which pose or landmark held the frame in the solve, and has the smallest trace of all choices
+/// (Baarda: S-transformations and criterion matrices, 1973; Meissl: Zusammenfassung und Ausbau der
+/// inneren Fehlertheorie eines Punkthaufens, 1969). A floor of 1 mm per axis keeps it positive
+/// definite.
 Eigen::MatrixXd ReferToPositions(const std::vector<Eigen::Vector2d>& positions,
                                  Eigen::MatrixXd cov);
 

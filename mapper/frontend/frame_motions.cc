@@ -13,8 +13,14 @@ namespace {
 // Variances of a motion that tells nothing. [m²], [rad²]
 constexpr double kNothing = 1e8;
 
-// Derivative of motions by the lag, without the noise of odometry: mapper/METHOD.md, 3. One sample
-// long, so that the samples before and after an end weigh the same.
+// Derivative of motions by the lag, without the noise of odometry. One sample long, so that the
+// samples before and after an end weigh the same.
+//
+// Odometry is u = v + n with white noise n. The derivative of a motion Δ_i by the lag has the
+// velocities at both ends of Δ_i. As measured, they have the noise N_i of Δ_i: the Jacobian would
+// correlate with the residual and bias the lag. So its column J_i is E(∂Δ_i/∂lag | u), with
+// SmoothOdometry(). Then E(Jᵀ W ∂Δ/∂lag) = E(Jᵀ W J), and the score has no bias: E(Jᵀ W N) =
+// tr(W C) = 0, since W = Wᵀ and, n being stationary, C_ij = Cov(J_i, N_j) = -C_ji.
 class ByLag {
  public:
   ByLag(const MappingRun& run, const OdometryCalibration& calibration)

@@ -7,7 +7,8 @@
 
 namespace shiftmap {
 
-/// Noise of unit variance on standardized residuals: a random sign each, a bit of the generator.
+/// Noise of unit variance on standardized residuals: a random sign each, a bit of the generator
+/// (Hutchinson: A stochastic estimator of the trace of the influence matrix, 1990).
 class RandomSigns {
  public:
   explicit RandomSigns(std::mt19937_64* random) : random_(*random) {}
