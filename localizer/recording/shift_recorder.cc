@@ -26,6 +26,11 @@ namespace {
 
 constexpr std::string_view kEncoding = "protobuf";
 
+constexpr double kPoseRateHz = 10.0;       // Poses at most. [1/s]
+constexpr double kHypothesesRateHz = 2.0;  // Samples of the hypotheses at most. [1/s]
+constexpr double kSceneRateHz = 1.0;       // Updates of the map's scene at most. [1/s]
+constexpr double kMinChange = 0.02;        // Of a probability that draws a landmark again. [-]
+
 // Of the whole map, drawn at first: messages have a size at most.
 constexpr std::size_t kGroupsPerUpdate = 1000;
 
@@ -100,14 +105,10 @@ Status AboutRecording(const std::string& path, const Status& status) {
 }  // namespace
 
 struct ShiftRecorder::State {
-  State(std::string to, AtomicFile opened, const ShiftRecorderOptions& options)
+  State(std::string to, AtomicFile opened)
       : path(std::move(to)),
         file(std::move(opened)),
-        writer([this](std::string_view bytes) { return file.Append(bytes); }, {}),
-        min_change(options.min_change),
-        pose_rate(options.pose_rate_hz),
-        hypotheses_rate(options.hypotheses_rate_hz),
-        scene_rate(options.scene_rate_hz) {}
+        writer([this](std::string_view bytes) { return file.Append(bytes); }, {}) {}
 
   Status Begin(const RecordedShift& shift, const MapSnapshot& of, Stamp begin);
   Status Record(const Localizer& localizer);
@@ -131,10 +132,9 @@ struct ShiftRecorder::State {
   AtomicFile file;
   mcap::Writer writer;
 
-  double min_change;
-  RateLimit pose_rate;
-  RateLimit hypotheses_rate;
-  RateLimit scene_rate;
+  RateLimit pose_rate{kPoseRateHz};
+  RateLimit hypotheses_rate{kHypothesesRateHz};
+  RateLimit scene_rate{kSceneRateHz};
   std::map<std::string_view, std::uint16_t> channels;
   std::optional<MapSnapshot> map;
   std::optional<StateChange> last_state;
@@ -290,7 +290,7 @@ Status ShiftRecorder::State::RecordScene(const HypothesisBank& bank, Stamp stamp
   for (const int group : visited) {
     Eigen::VectorXd& shown = drawn[static_cast<std::size_t>(group)];
     const Eigen::VectorXd probabilities = bank.Probabilities(group);
-    if ((probabilities - shown).cwiseAbs().maxCoeff() < min_change) continue;
+    if ((probabilities - shown).cwiseAbs().maxCoeff() < kMinChange) continue;
     shown = probabilities;
     changed.push_back({&map->groups()[static_cast<std::size_t>(group)], &shown});
   }
@@ -302,8 +302,7 @@ Status ShiftRecorder::State::RecordScene(const HypothesisBank& bank, Stamp stamp
 StatusOr<ShiftRecorder> ShiftRecorder::Create(const std::string& path,
                                               RecordedShift shift,
                                               const MapSnapshot& map,
-                                              Stamp begin,
-                                              const ShiftRecorderOptions& options) {
+                                              Stamp begin) {
   shift.area = map.area();
   shift.version = map.version();
   shift.content_hash = map.content_hash();
@@ -312,7 +311,7 @@ StatusOr<ShiftRecorder> ShiftRecorder::Create(const std::string& path,
   const FileKind kind = BeginsAsRecording(path) ? FileKind::kRunLog : FileKind::kOther;
   StatusOr<AtomicFile> file = AtomicFile::Create(path, kind);
   SHIFTMAP_RETURN_IF_ERROR(AboutRecording(path, file.status()));
-  auto state = std::make_unique<State>(path, *std::move(file), options);
+  auto state = std::make_unique<State>(path, *std::move(file));
   SHIFTMAP_RETURN_IF_ERROR(AboutRecording(path, state->Begin(shift, map, begin)));
   return ShiftRecorder(std::move(state));
 }

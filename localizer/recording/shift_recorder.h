@@ -10,13 +10,6 @@
 
 namespace shiftmap {
 
-struct ShiftRecorderOptions {
-  double pose_rate_hz = 10.0;       ///< Poses at most, > 0. [1/s]
-  double hypotheses_rate_hz = 2.0;  ///< Samples of the hypotheses at most, > 0. [1/s]
-  double scene_rate_hz = 1.0;       ///< Updates of the map's scene at most, > 0. [1/s]
-  double min_change = 0.02;         ///< Of a probability that draws a landmark again. [-]
-};
-
 /// Records a shift (shift_recording.h) from outside of the localizer's step: it looks at the
 /// localizer between two items, and writes.
 ///
@@ -33,8 +26,7 @@ class ShiftRecorder {
   static StatusOr<ShiftRecorder> Create(const std::string& path,
                                         RecordedShift shift,
                                         const MapSnapshot& map,
-                                        Stamp begin,
-                                        const ShiftRecorderOptions& options = {});
+                                        Stamp begin);
 
   ShiftRecorder(ShiftRecorder&&) noexcept;
   ShiftRecorder& operator=(ShiftRecorder&&) noexcept;

@@ -35,8 +35,7 @@ class OdometryCheck {
   double max_yaw_rate_radps_ = 0.0;
 
   std::optional<OdometrySample> same_;  // The first of the samples that are equal to the last,
-  Stamp same_until_;
-  Duration longest_same_{0};  // and the longest such stretch of a vehicle that moves.
+  Duration longest_same_{0};            // and the longest such stretch of a vehicle that moves.
   Stamp longest_same_from_;
 };
 

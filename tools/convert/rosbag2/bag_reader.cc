@@ -188,12 +188,6 @@ Status Bag::ListSqlite(const OpenFile& file) {
   }
 }
 
-const BagTopic* Bag::Find(std::string_view name) const {
-  const auto found = std::find_if(
-      topics_.begin(), topics_.end(), [&](const BagTopic& topic) { return topic.name == name; });
-  return found == topics_.end() ? nullptr : &*found;
-}
-
 Status Bag::ForEachMessage(const std::vector<const BagTopic*>& topics, const Take& take) const {
   std::string buffer;
   const Take take_plain = [&](const BagMessage& message) -> Status {

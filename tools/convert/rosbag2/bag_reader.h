@@ -46,9 +46,6 @@ class Bag {
   /// By name.
   const std::vector<BagTopic>& topics() const { return topics_; }
 
-  /// A topic by its name, or null.
-  const BagTopic* Find(std::string_view name) const;
-
   /// Gives all messages of some topics, in the order in which they were recorded.
   /// Errors also: the first of `take`.
   Status ForEachMessage(const std::vector<const BagTopic*>& topics,
