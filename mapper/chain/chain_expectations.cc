@@ -167,10 +167,6 @@ ChainExpectations ExpectChain(const ChainSteps& steps, const std::vector<Eigen::
   return WithFixedStates(steps.states, [&](auto states) { return Expect<states()>(steps, rates); });
 }
 
-double ChainLogLikelihood(const ChainSteps& steps, const std::vector<Eigen::MatrixXd>& rates) {
-  return steps.log_scale + LogEvidence(steps, 0, rates);
-}
-
 double PredictiveLogLikelihood(const ChainSteps& steps,
                                std::size_t first,
                                const std::vector<Eigen::MatrixXd>& rates) {

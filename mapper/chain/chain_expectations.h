@@ -36,9 +36,6 @@ struct ChainExpectations {
 ///               under them. [1/s]
 ChainExpectations ExpectChain(const ChainSteps& steps, const std::vector<Eigen::MatrixXd>& rates);
 
-/// The log-likelihood alone; -infinity if what was seen is impossible.
-double ChainLogLikelihood(const ChainSteps& steps, const std::vector<Eigen::MatrixXd>& rates);
-
 /// log p(visits from number `first` on | visits before), first >= 1. Prediction one visit ahead,
 /// the measure of held-out tests. [nat]
 double PredictiveLogLikelihood(const ChainSteps& steps,

@@ -84,7 +84,8 @@ TEST(RateFitTest, UniformRateIsTheLargestOfThePosterior) {
   const Gamma prior{0.5, 5e4};
   const RateFit fit = FitRates(steps, ChainStructure::kUniform, prior, {});
   const auto log_posterior = [&](double log_rate) {
-    return ChainLogLikelihood(steps, {ModeChain::Uniform(2, std::exp(log_rate)).rate_matrix()}) +
+    return ExpectChain(steps, {ModeChain::Uniform(2, std::exp(log_rate)).rate_matrix()})
+               .log_likelihood +
            prior.LogDensityOfLog(log_rate);
   };
   // Brute force: the largest on a grid, and the integral over it.
@@ -114,7 +115,7 @@ TEST(RateFitTest, NoChangeOfTheGeneralRatesIsBetter) {
   const RateFit fit = FitRates(steps, ChainStructure::kGeneral, prior, {});
   EXPECT_TRUE(fit.converged);
   const auto log_posterior = [&](const Eigen::MatrixXd& rates) {
-    double sum = ChainLogLikelihood(steps, {rates});
+    double sum = ExpectChain(steps, {rates}).log_likelihood;
     for (int from = 0; from < 3; ++from) {
       for (int to = 0; to < 3; ++to) {
         if (from != to) sum += prior.LogDensityOfLog(std::log(2.0 * rates(from, to)));
@@ -197,7 +198,7 @@ SlowFit FitSlowly(const ChainSteps& steps, ChainStructure structure, const Gamma
     moved.diagonal().setZero();
     moved.diagonal() = -moved.rowwise().sum();
     if (is_uniform) sum += prior.LogDensityOfLog(std::log((n - 1) * moved(0, 1)));
-    return sum + ChainLogLikelihood(steps, {moved});
+    return sum + ExpectChain(steps, {moved}).log_likelihood;
   };
   Eigen::MatrixXd information(count, count);
   constexpr double kStep = 1e-2;

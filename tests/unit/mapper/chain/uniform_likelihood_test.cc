@@ -26,8 +26,8 @@ TEST(UniformLikelihoodTest, DerivativesAreThoseOfTheLikelihood) {
     const ChainPath path = SimulateChain(truth, 0, stamps.front(), stamps.back(), random);
     const ChainSteps steps = MakeChainSteps(ObservePath(path, modes + 1, stamps, 0.05, random));
     const auto value = [&](double log_rate) {
-      return ChainLogLikelihood(steps,
-                                {ModeChain::Uniform(modes, std::exp(log_rate)).rate_matrix()});
+      return ExpectChain(steps, {ModeChain::Uniform(modes, std::exp(log_rate)).rate_matrix()})
+          .log_likelihood;
     };
     for (const double log_rate : {-16.0, -11.5, -8.0}) {
       const UniformLikelihood found = EvaluateUniform(steps, log_rate);
@@ -50,7 +50,8 @@ TEST(UniformLikelihoodTest, OfManyVisitsIsFinite) {
     history.visits.push_back({stamp, stamp, Eigen::Vector2d(i % 2 == 0 ? 0.0 : -50.0, -30.0)});
   }
   const ChainSteps steps = MakeChainSteps(history);
-  const double expected = ChainLogLikelihood(steps, {ModeChain::Uniform(1, 1e-4).rate_matrix()});
+  const double expected =
+      ExpectChain(steps, {ModeChain::Uniform(1, 1e-4).rate_matrix()}).log_likelihood;
   EXPECT_LT(expected, -1e4);
   EXPECT_NEAR(EvaluateUniform(steps, std::log(1e-4)).value, expected, 1e-6);
 }
