@@ -104,10 +104,7 @@ class Tracker {
     });
     for (const Track* track : kept) {
       const auto number = static_cast<int>(out_.tracks.size());
-      const int landmark = landmark_of[track];
-      out_.tracks.push_back({state_.Position(landmark),
-                             state_.PositionCovariance(landmark),
-                             static_cast<int>(track->seen.size())});
+      out_.tracks.push_back(state_.Position(landmark_of[track]));
       for (const Sighted& sighted : track->seen) {
         out_.track_of[static_cast<std::size_t>(sighted.scan)]
                      [static_cast<std::size_t>(sighted.observation)] = number;

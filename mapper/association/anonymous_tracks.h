@@ -52,16 +52,9 @@ struct AssociationOptions {
   Status Validate() const;
 };
 
-/// A landmark without a signature, followed through a run.
-struct AnonymousTrack {
-  Eigen::Vector2d p_start_landmark = Eigen::Vector2d::Zero();  ///< In the frame of the first scan.
-  Eigen::Matrix2d cov = Eigen::Matrix2d::Zero();               ///< [m²]
-  int sightings = 0;
-};
-
 /// What became of the anonymous observations of a run.
 struct AnonymousAssociation {
-  std::vector<AnonymousTrack> tracks;      ///< By first sighting.
+  std::vector<Eigen::Vector2d> tracks;     ///< p_start_landmark of each, by first sighting.
   std::vector<std::vector<int>> track_of;  ///< [scan][observation]: index in `tracks`, or -1.
   std::vector<StampedPose> trajectory;     ///< T_start_vehicle at every scan.
   int observations = 0;                    ///< Anonymous ones.

@@ -89,9 +89,7 @@ ParkResult RunFilter(const Run& run, const MapperOptions& options, bool joint) {
   AnonymousAssociation found = AssociateAnonymous(run, options.calibration, association);
   ParkResult result{.method = joint ? "filter, joint" : "filter, nearest"};
   result.trajectory = std::move(found.trajectory);
-  for (const AnonymousTrack& track : found.tracks) {
-    result.landmarks.push_back(track.p_start_landmark);
-  }
+  result.landmarks = std::move(found.tracks);
   result.observations = found.observations;
   result.associated = found.associated;
   result.cpu_s = ProcessorSeconds() - begin;

@@ -135,7 +135,7 @@ TEST(AnonymousTracks, SameInputSameTracks) {
   const AnonymousAssociation a = AssociateAnonymous(run.run, CalibrationOf(options), {});
   const AnonymousAssociation b = AssociateAnonymous(run.run, CalibrationOf(options), {});
   EXPECT_EQ(a.track_of, b.track_of);
-  EXPECT_EQ(a.tracks.front().p_start_landmark, b.tracks.front().p_start_landmark);
+  EXPECT_EQ(a.tracks.front(), b.tracks.front());
 }
 
 // A camera that reads the depth, which its calibration says.
