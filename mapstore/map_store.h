@@ -244,14 +244,13 @@ class MapStore {
   /// no reason; kNotFound if the run is none; kAlreadyExists if it is excluded, or held, already.
   Status Exclude(const std::string& area, Exclusion exclusion, bool dry_run = false);
 
-  /// Takes an exclusion or a hold back: all numbers are as they were.
-  /// Errors also: kNotFound if it is neither excluded nor held.
-  Status Include(const std::string& area, Exclusion exclusion, bool dry_run = false);
-
   /// Several at once: all, or with an error none.
   Status ExcludeAll(const std::string& area,
                     std::vector<Exclusion> exclusions,
                     bool dry_run = false);
+
+  /// Takes exclusions or holds back, all, or with an error none: all numbers are as they were.
+  /// Errors also: kNotFound if one is neither excluded nor held.
   Status IncludeAll(const std::string& area,
                     std::vector<Exclusion> exclusions,
                     bool dry_run = false);

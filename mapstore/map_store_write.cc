@@ -447,10 +447,6 @@ Status MapStore::Exclude(const std::string& area, Exclusion exclusion, bool dry_
   return ExcludeAll(area, {std::move(exclusion)}, dry_run);
 }
 
-Status MapStore::Include(const std::string& area, Exclusion exclusion, bool dry_run) {
-  return IncludeAll(area, {std::move(exclusion)}, dry_run);
-}
-
 Status MapStore::ExcludeAll(const std::string& area,
                             std::vector<Exclusion> exclusions,
                             bool dry_run) {

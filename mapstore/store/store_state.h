@@ -101,7 +101,7 @@ struct MapStore::State {
                              std::vector<Exclusion>* holding) const;
 
   /// Takes one out of those that hold, by each name of its run, and returns what is taken out.
-  /// Errors: as MapStore::Include.
+  /// Errors: as MapStore::IncludeAll.
   StatusOr<std::vector<Exclusion>> EndOne(const std::string& area,
                                           const AreaRow& area_row,
                                           const Exclusion& exclusion,

@@ -257,7 +257,7 @@ class StoreHistory : public ::testing::TestWithParam<int> {
     if (!model_.exclusions().empty() && Chance(0.5)) {
       const auto index =
           static_cast<std::size_t>(Below(static_cast<int>(model_.exclusions().size())));
-      ASSERT_THAT(store_->Include("mine", model_.exclusions()[index]), IsOk());
+      ASSERT_THAT(store_->IncludeAll("mine", {model_.exclusions()[index]}), IsOk());
       model_.Include(index);
       return;
     }

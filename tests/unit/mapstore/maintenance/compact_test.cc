@@ -282,7 +282,7 @@ TEST_F(CompactTest, AHeldRunIsNotSpent) {
   RetentionPolicy policy;
   policy.evidence_before = At(1e9);
   ASSERT_THAT(CompactStore(path_, policy, false), IsOk());
-  ASSERT_THAT(store.Include("mine", {report, "", {}, "", {}}), IsOk());
+  ASSERT_THAT(store.IncludeAll("mine", {{report, "", {}, "", {}}}), IsOk());
   EXPECT_EQ(ContentHash(store.LoadAt("mine")->content()), before);
 }
 

@@ -384,7 +384,7 @@ TEST_F(LedgerTest, AReportAboutACopyOfALogThatIsExcludedCounts) {
   EXPECT_THAT(MustReturn(cut).set_aside, ElementsAre(IsAside(SetAside::kSameRun, 1)));
   ASSERT_THAT(store_.Exclude("a", {whole.run_hash, "", {}, "damaged", {}}), IsOk());
   EXPECT_NEAR(ProbabilityAt(std::nullopt), Updated(Relaxed(0.7, 800.0), 3.0), 1e-12);
-  ASSERT_THAT(store_.Include("a", {whole.run_hash, "", {}, "", {}}), IsOk());
+  ASSERT_THAT(store_.IncludeAll("a", {{whole.run_hash, "", {}, "", {}}}), IsOk());
   EXPECT_NEAR(ProbabilityAt(std::nullopt), Updated(Relaxed(0.7, 800.0), 2.0), 1e-12);
 }
 
@@ -429,7 +429,7 @@ TEST_F(LedgerTest, TheLongestCopyOfALogCountsInEveryOrder) {
       return store.LoadAt("a", std::nullopt, At(900.0))->groups()[0].probabilities(1);
     };
     EXPECT_NEAR(probability(), Updated(value, 1.0), 1e-12);
-    ASSERT_THAT(store.Include("a", {longest, "", {}, "", {}}), IsOk());
+    ASSERT_THAT(store.IncludeAll("a", {{longest, "", {}, "", {}}}), IsOk());
     EXPECT_NEAR(probability(), Updated(value, 2.0), 1e-12);
     const StatusOr<VerifyResult> verified = VerifyStore(path);
     ASSERT_THAT(verified, IsOk());

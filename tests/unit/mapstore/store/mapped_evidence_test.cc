@@ -313,7 +313,7 @@ TEST_F(MappedEvidenceTest, AVehicleThatTheOthersContradictIsNamed) {
 
   ASSERT_THAT(store_.Exclude("a", {"", "liar", At(-1e6), "lies", {}}), IsOk());
   EXPECT_THAT(*store_.Trust("a"), SizeIs(3));
-  ASSERT_THAT(store_.Include("a", {"", "liar", {}, "", {}}), IsOk());
+  ASSERT_THAT(store_.IncludeAll("a", {{"", "liar", {}, "", {}}}), IsOk());
   EXPECT_EQ((*store_.Trust("a"))[0].broken, trust[0].broken);
 }
 
@@ -345,10 +345,10 @@ TEST_F(MappedEvidenceTest, WhatIsExcludedIsAsIfItHadNeverCome) {
   EXPECT_EQ(reports[1].set_aside[0].reason, SetAside::kExcluded);
   EXPECT_EQ((*store_.Exclusions("a"))[0].reason, "slipped");
 
-  ASSERT_THAT(store_.Include("a", {"", "liar", {}, "", {}}), IsOk());
-  EXPECT_THAT(store_.Include("a", {"", "liar", {}, "", {}}),
+  ASSERT_THAT(store_.IncludeAll("a", {{"", "liar", {}, "", {}}}), IsOk());
+  EXPECT_THAT(store_.IncludeAll("a", {{"", "liar", {}, "", {}}}),
               StatusIs(StatusCode::kNotFound, "vehicle 'liar': is neither excluded nor held"));
-  ASSERT_THAT(store_.Include("a", {Hash(1), "", {}, "", {}}), IsOk());
+  ASSERT_THAT(store_.IncludeAll("a", {{Hash(1), "", {}, "", {}}}), IsOk());
   EXPECT_EQ(At1(At(900.0)), all);
   // By the UUID of the live shift alone, and since a time after it.
   ASSERT_THAT(store_.Exclude("a", {lie.uuid, "", {}, "lies", {}}), IsOk());
@@ -378,7 +378,7 @@ TEST_F(MappedEvidenceTest, ARunIsExcludedByItsUuidInCapitals) {
   report.run_uuid = "0f8fad5b-d9cb-469f-a165-70867728950e";
   ASSERT_THAT(store_.Return(report), IsOk());
   EXPECT_EQ(At1(At(900.0)), before);
-  ASSERT_THAT(store_.Include("a", {"0F8FAD5B-D9CB-469F-A165-70867728950E", "", {}, "", {}}),
+  ASSERT_THAT(store_.IncludeAll("a", {{"0F8FAD5B-D9CB-469F-A165-70867728950E", "", {}, "", {}}}),
               IsOk());
   EXPECT_NE(At1(At(900.0)), before);
 }
@@ -402,7 +402,7 @@ TEST_F(MappedEvidenceTest, ARunIsExcludedByEachOfItsNamesBeforeItComes) {
         ASSERT_THAT(store_.Exclude("a", {names[excluded], "", {}, "lies", {}}), IsOk());
         EXPECT_EQ(store_.Return(report)->set_aside[0].reason, SetAside::kExcluded);
         EXPECT_EQ(At1(At(2000.0)), before);
-        ASSERT_THAT(store_.Include("a", {names[included], "", {}, "", {}}), IsOk());
+        ASSERT_THAT(store_.IncludeAll("a", {{names[included], "", {}, "", {}}}), IsOk());
         EXPECT_NE(At1(At(2000.0)), before);
         EXPECT_THAT(*store_.Exclusions("a"), SizeIs(runs - 1));
         ASSERT_THAT(store_.Exclude("a", {names[included], "", {}, "lies", {}}), IsOk());
@@ -422,7 +422,7 @@ TEST_F(MappedEvidenceTest, ARunThatWasExcludedMeanwhileIsNotCommitted) {
                 StatusIs(StatusCode::kAborted,
                          held ? "run 'run 1' was held since the build began: lies"
                               : "run 'run 1' was excluded since the build began: lies"));
-    ASSERT_THAT(store_.Include("a", {Hash(1), "", {}, "", {}}), IsOk());
+    ASSERT_THAT(store_.IncludeAll("a", {{Hash(1), "", {}, "", {}}}), IsOk());
   }
   EXPECT_THAT(store_.Commit("a", Content(2), provenance, Derived(first.version)), IsOk());
 }
@@ -466,12 +466,12 @@ TEST_F(MappedEvidenceTest, ADryRunOfAnExclusionChecksAllAndWritesNothing) {
   EXPECT_THAT(*store_.Exclusions("a"), IsEmpty());
   EXPECT_THAT(store_.Exclude("a", {Hash(1), "", {}, "", {}}, true),
               StatusIs(StatusCode::kInvalidArgument, "expected a reason"));
-  EXPECT_THAT(store_.Include("a", run, true),
+  EXPECT_THAT(store_.IncludeAll("a", {run}, true),
               StatusIs(StatusCode::kNotFound, "is neither excluded nor held"));
   ASSERT_THAT(store_.Exclude("a", run), IsOk());
   EXPECT_THAT(store_.Exclude("a", run, true),
               StatusIs(StatusCode::kAlreadyExists, "is excluded already"));
-  EXPECT_THAT(store_.Include("a", run, true), IsOk());
+  EXPECT_THAT(store_.IncludeAll("a", {run}, true), IsOk());
   EXPECT_THAT(*store_.Exclusions("a"), SizeIs(1));
 }
 
@@ -488,9 +488,9 @@ TEST_F(MappedEvidenceTest, AnExclusionOfAVehicleCanBeginEarlier) {
   EXPECT_THAT(*store_.ExcludedRunsOf("a", first.version), ElementsAre("run 0", "run 1"));
   EXPECT_THAT(*store_.Exclusions("a"), SizeIs(1));
   EXPECT_THAT(
-      store_.Include("a", {Hash(0), "", {}, "", {}}),
+      store_.IncludeAll("a", {{Hash(0), "", {}, "", {}}}),
       StatusIs(StatusCode::kNotFound, "only its vehicle is excluded or held, '" + vehicle + "'"));
-  ASSERT_THAT(store_.Include("a", {"", vehicle, {}, "", {}}), IsOk());
+  ASSERT_THAT(store_.IncludeAll("a", {{"", vehicle, {}, "", {}}}), IsOk());
   EXPECT_THAT(*store_.ExcludedRunsOf("a", first.version), IsEmpty());
 }
 
@@ -516,11 +516,11 @@ TEST_F(MappedEvidenceTest, AHeldRunCountsForNothingAndItsVersionsStayGood) {
   EXPECT_THAT(store_.Exclude("a", {"", "truck 1", At(50.0), "again", true}),
               StatusIs(StatusCode::kAlreadyExists, "is excluded or held already"));
   EXPECT_THAT(*store_.ExcludedRunsOf("a", first.version), ElementsAre("run 0", "run 1"));
-  ASSERT_THAT(store_.Include("a", {"", "truck 1", {}, "", {}}), IsOk());
+  ASSERT_THAT(store_.IncludeAll("a", {{"", "truck 1", {}, "", {}}}), IsOk());
   ASSERT_THAT(store_.Exclude("a", {"", "truck 1", At(-1e6), "slips", true}), IsOk());
   ASSERT_THAT(store_.Exclude("a", {"", "truck 1", At(50.0), "slips", false}), IsOk());
   EXPECT_THAT(*store_.ExcludedRunsOf("a", first.version), ElementsAre("run 0", "run 1"));
-  ASSERT_THAT(store_.Include("a", {"", "truck 1", {}, "", {}}), IsOk());
+  ASSERT_THAT(store_.IncludeAll("a", {{"", "truck 1", {}, "", {}}}), IsOk());
   EXPECT_EQ(At1(At(900.0)), held);
 
   // Decided one way, and the other.
@@ -528,8 +528,8 @@ TEST_F(MappedEvidenceTest, AHeldRunCountsForNothingAndItsVersionsStayGood) {
   ASSERT_THAT(*store_.Exclusions("a"), SizeIs(2));
   EXPECT_THAT(*store_.ExcludedRunsOf("a", first.version), ElementsAre("run 1"));
   EXPECT_EQ(At1(At(900.0)), held);
-  ASSERT_THAT(store_.Include("a", {report.run_hash, "", {}, "", {}}), IsOk());
-  ASSERT_THAT(store_.Include("a", {Hash(1), "", {}, "", {}}), IsOk());
+  ASSERT_THAT(store_.IncludeAll("a", {{report.run_hash, "", {}, "", {}}}), IsOk());
+  ASSERT_THAT(store_.IncludeAll("a", {{Hash(1), "", {}, "", {}}}), IsOk());
   EXPECT_THAT(*store_.Exclusions("a"), IsEmpty());
   EXPECT_EQ(At1(At(900.0)), all);
 }

@@ -92,7 +92,7 @@ TEST_F(StoreClockTest, AShiftThatEndsBeforeItsMapIsHeld) {
             "its clock is behind: it ends at 2023-11-14 22:03:19 UTC, and was driven on version 1, "
             "which is of 2023-11-14 22:13:20 UTC");
   // Who knows better takes it in.
-  ASSERT_THAT(store.Include("a", {held[0].run, "", {}, "", {}}), IsOk());
+  ASSERT_THAT(store.IncludeAll("a", {{held[0].run, "", {}, "", {}}}), IsOk());
   EXPECT_LT(Present(Open(1000.0), At(0.0)), before);
   EXPECT_TRUE(VerifyStore(path_)->clean());
 }
@@ -118,7 +118,7 @@ TEST_F(StoreClockTest, ARunThatWasTakenInIsNotHeldAgain) {
   ShiftReport behind = Report(version, -700.0, 1);
   behind.run_uuid = "00000000-0000-4000-8000-00000000000A";
   ASSERT_THAT(store.Exclude("a", {behind.run_uuid, "", {}, "by a night", true, {}}), IsOk());
-  ASSERT_THAT(store.Include("a", {behind.run_uuid, "", {}, "", {}}), IsOk());
+  ASSERT_THAT(store.IncludeAll("a", {{behind.run_uuid, "", {}, "", {}}}), IsOk());
   EXPECT_THAT(Aside(store.Return(behind)), ::testing::IsEmpty());
   EXPECT_THAT(*store.Exclusions("a"), ::testing::IsEmpty());
 }
