@@ -23,15 +23,15 @@ namespace {
 
 bool IsPositional(const std::string& name) { return name.empty() || name.front() != '-'; }
 
-template <typename T>
-CLI::Option* AddOption(CLI::App* parser,
-                       const std::string& name,
-                       T* value,
-                       const std::string& help) {
-  // A command whose --version names a map version leaves the program's own to the program.
-  if (name == "--version") parser->set_version_flag();
-  return parser->add_option(name, *value, help);
-}
+template <typename Value>
+struct HeldBy {
+  using Type = Value;
+};
+
+template <typename Value>
+struct HeldBy<std::optional<Value>> {
+  using Type = Value;
+};
 
 std::string RefuseOtherThanFinite(const std::string& text) {
   double value = 0.0;
@@ -85,59 +85,30 @@ void Allow(const std::vector<std::string>& values, CLI::Option* option, AllowedV
 Command::Command(std::unique_ptr<State> state) : state_(std::move(state)) {}
 Command::~Command() = default;
 
-Command& Command::Option(const std::string& name, std::string* value, const std::string& help) {
-  state_->last = AddOption(state_->parser, name, value, help);
-  if (!IsPositional(name)) state_->last->capture_default_str();
+template <typename Value>
+Command& Command::Option(const std::string& name, Value* value, const std::string& help) {
+  using Held = typename HeldBy<Value>::Type;
+  // A command whose --version names a map version leaves the program's own to the program.
+  if (name == "--version") state_->parser->set_version_flag();
+  state_->last = state_->parser->add_option(name, *value, help);
+  if constexpr (std::is_same_v<Held, double>) state_->last->check(RefuseOtherThanFinite);
+  if constexpr (std::is_integral_v<Held>) state_->last->check(RefuseOtherThanInteger<Held>);
+  if (std::is_same_v<Held, Value> && !IsPositional(name)) state_->last->capture_default_str();
   return *this;
 }
 
-Command& Command::Option(const std::string& name, double* value, const std::string& help) {
-  state_->last = AddOption(state_->parser, name, value, help)->check(RefuseOtherThanFinite);
-  if (!IsPositional(name)) state_->last->capture_default_str();
-  return *this;
-}
-
-Command& Command::Option(const std::string& name, int* value, const std::string& help) {
-  state_->last = AddOption(state_->parser, name, value, help)->check(RefuseOtherThanInteger<int>);
-  if (!IsPositional(name)) state_->last->capture_default_str();
-  return *this;
-}
-
-Command& Command::Option(const std::string& name, std::int64_t* value, const std::string& help) {
-  state_->last =
-      AddOption(state_->parser, name, value, help)->check(RefuseOtherThanInteger<std::int64_t>);
-  if (!IsPositional(name)) state_->last->capture_default_str();
-  return *this;
-}
-
-Command& Command::Option(const std::string& name, std::uint64_t* value, const std::string& help) {
-  state_->last =
-      AddOption(state_->parser, name, value, help)->check(RefuseOtherThanInteger<std::uint64_t>);
-  if (!IsPositional(name)) state_->last->capture_default_str();
-  return *this;
-}
-
-Command& Command::Option(const std::string& name,
-                         std::optional<std::string>* value,
-                         const std::string& help) {
-  state_->last = AddOption(state_->parser, name, value, help);
-  return *this;
-}
-
-Command& Command::Option(const std::string& name,
-                         std::optional<double>* value,
-                         const std::string& help) {
-  state_->last = AddOption(state_->parser, name, value, help)->check(RefuseOtherThanFinite);
-  return *this;
-}
-
-Command& Command::Option(const std::string& name,
-                         std::optional<std::int64_t>* value,
-                         const std::string& help) {
-  state_->last =
-      AddOption(state_->parser, name, value, help)->check(RefuseOtherThanInteger<std::int64_t>);
-  return *this;
-}
+template Command& Command::Option(const std::string&, std::string*, const std::string&);
+template Command& Command::Option(const std::string&, double*, const std::string&);
+template Command& Command::Option(const std::string&, int*, const std::string&);
+template Command& Command::Option(const std::string&, std::int64_t*, const std::string&);
+template Command& Command::Option(const std::string&, std::uint64_t*, const std::string&);
+template Command& Command::Option(const std::string&,
+                                  std::optional<std::string>*,
+                                  const std::string&);
+template Command& Command::Option(const std::string&, std::optional<double>*, const std::string&);
+template Command& Command::Option(const std::string&,
+                                  std::optional<std::int64_t>*,
+                                  const std::string&);
 
 Command& Command::Option(const std::string& name,
                          std::vector<std::string>* values,

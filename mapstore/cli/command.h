@@ -26,18 +26,10 @@ class Command {
   Command(const Command&) = delete;
   Command& operator=(const Command&) = delete;
 
-  Command& Option(const std::string& name, std::string* value, const std::string& help);
-  Command& Option(const std::string& name, double* value, const std::string& help);
-  Command& Option(const std::string& name, int* value, const std::string& help);
-  Command& Option(const std::string& name, std::int64_t* value, const std::string& help);
-  Command& Option(const std::string& name, std::uint64_t* value, const std::string& help);
-  Command& Option(const std::string& name,
-                  std::optional<std::string>* value,
-                  const std::string& help);
-  Command& Option(const std::string& name, std::optional<double>* value, const std::string& help);
-  Command& Option(const std::string& name,
-                  std::optional<std::int64_t>* value,
-                  const std::string& help);
+  /// @tparam Value  std::string, double, int, std::int64_t or std::uint64_t, whose default help
+  ///                shows, or an std::optional of a string, double or std::int64_t.
+  template <typename Value>
+  Command& Option(const std::string& name, Value* value, const std::string& help);
 
   /// An option given several times, or a positional argument that takes all that are left. In a
   /// command without positional arguments one occurrence takes several values.
