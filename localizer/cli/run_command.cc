@@ -13,7 +13,7 @@
 #include <vector>
 
 #include "localizer/cli/commands.h"
-#include "localizer/cli/initial_pose.h"
+#include "localizer/cli/localizer_arguments.h"
 #include "localizer/cli/return_to_store.h"
 #include "localizer/cli/run_json.h"
 #include "localizer/live/drop_counts.h"
@@ -40,18 +40,13 @@ struct RunOptions {
   std::optional<std::string> store;
   std::optional<std::string> snapshot;
   std::string area;
-  std::string initial_pose = "auto";
   std::optional<std::string> vehicle;
   std::optional<std::string> trajectory;
   std::optional<std::string> report;
   std::optional<std::string> recording;
   bool return_report = false;
-  double alpha = HypothesisOptions().alpha;
-  int max_leaves = HypothesisOptions().max_leaves;
-  double max_delay_s = 0.0;
   double clock_tolerance_s = kDefaultClockToleranceS;
-  LimitOptions limits;
-  std::string field_of_view = FieldOfViewNames().front();
+  LocalizerArguments localizer;
   std::string run;
 };
 
@@ -61,9 +56,7 @@ std::string CheckOptions(const RunOptions& options) {
     return "give either --store or --snapshot";
   }
   if (options.return_report && !options.store) return "--return needs --store";
-  if (options.initial_pose != "auto" && !ParseInitialPose(options.initial_pose)) {
-    return fmt::format("--initial-pose '{}', expected X,Y,YAW or auto", options.initial_pose);
-  }
+  if (std::string wrong = options.localizer.Check(); !wrong.empty()) return wrong;
   return options.vehicle ? Message(CheckReportText("--vehicle", *options.vehicle)) : "";
 }
 
@@ -341,7 +334,7 @@ void WarnOfGaps(const std::string& run, const Localizer& localizer, const Contex
 // Without a lidar scan the sector model is used, although the polygon was configured.
 void WarnOfNoLidar(const RunOptions& options, const Localizer& localizer, const Context& context) {
   const LocalizerStatistics statistics = localizer.Statistics();
-  if (FieldOfViewNamed(options.field_of_view) != FieldOfViewModel::kScanPolygon ||
+  if (FieldOfViewNamed(options.localizer.field_of_view) != FieldOfViewModel::kScanPolygon ||
       statistics.scans_by_lidar > 0) {
     return;
   }
@@ -352,13 +345,7 @@ void WarnOfNoLidar(const RunOptions& options, const Localizer& localizer, const 
 Status RunShift(const RunOptions& options, Context& context) {
   const bool is_stream = options.run == "-";
   const StopSignals signals(/*reads_end=*/is_stream);
-  LocalizerOptions localizer_options;
-  localizer_options.hypotheses.alpha = options.alpha;
-  localizer_options.hypotheses.max_leaves = options.max_leaves;
-  localizer_options.max_delay_s = options.max_delay_s;
-  localizer_options.limits = options.limits;
-  localizer_options.hypotheses.field_of_view.model = FieldOfViewNamed(options.field_of_view);
-  localizer_options.initial_pose = ParseInitialPose(options.initial_pose);
+  const LocalizerOptions localizer_options = options.localizer.Options();
   SHIFTMAP_RETURN_IF_ERROR(localizer_options.Validate());
   const std::string& map_path = options.store ? *options.store : *options.snapshot;
   SHIFTMAP_ASSIGN_OR_RETURN(MapStore map_store,
@@ -402,12 +389,12 @@ void AddRunCommand(Application* application) {
                               "Localize a run log on a map and decide which modes hold",
                               [options](Context& context) { return RunShift(*options, context); });
   AddClockToleranceOption(&options->clock_tolerance_s, &command);
-  AddLimitOptions(&options->limits, &command);
+  AddLimitOptions(&options->localizer.limits, &command);
   command.Option("--store", &options->store, "Map store to take the published version from")
       .Option("--snapshot", &options->snapshot, "Snapshot file to take the map from")
       .Option("--area", &options->area, "Area to localize in")
       .Required()
-      .Option("--initial-pose", &options->initial_pose, "X,Y,YAW in m, m, rad, or auto")
+      .Option("--initial-pose", &options->localizer.initial_pose, "X,Y,YAW in m, m, rad, or auto")
       .Option("--vehicle",
               &options->vehicle,
               "Vehicle whose calibration is used, and whose report it is if the log names none; "
@@ -420,19 +407,12 @@ void AddRunCommand(Application* application) {
               &options->recording,
               "Record the shift here: MCAP for Foxglove, `plot consistency` and `view --replay`")
       .Output()
-      .Flag("--return", &options->return_report, "Hand the shift report to the store at once")
-      .Option("--alpha", &options->alpha, "Accepted probability of a wrong decision")
-      .InRange(1e-12, 0.49)
-      .Option("--max-leaves", &options->max_leaves, "Hypotheses kept at most")
-      .InRange(1, 1024)
-      .Option("--field-of-view",
-              &options->field_of_view,
-              "Where a landmark that is not seen counts as missed: in the sensor's sector, or in "
-              "what of it the last lidar scan covers")
-      .OneOf(FieldOfViewNames())
+      .Flag("--return", &options->return_report, "Hand the shift report to the store at once");
+  AddHypothesisOptions(&options->localizer, &command);
+  command
       .Option(
           "--max-delay-s",
-          &options->max_delay_s,
+          &options->localizer.max_delay_s,
           "Put items of a stream in order that come this late; 0: one out of order ends the run")
       .InRange(0.0, 60.0)
       .Option("RUN", &options->run, "Run log, or - for standard input")

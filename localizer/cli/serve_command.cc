@@ -10,7 +10,7 @@
 #include <utility>
 
 #include "localizer/cli/commands.h"
-#include "localizer/cli/initial_pose.h"
+#include "localizer/cli/localizer_arguments.h"
 #include "localizer/cli/service_json.h"
 #include "localizer/live/server.h"
 #include "localizer/recording/journal_recording.h"
@@ -32,19 +32,14 @@ struct ServeOptions {
   std::optional<std::string> state_dir;
   std::string vehicle = "vehicle";
   std::string content_hash;
-  std::string initial_pose = "auto";
   bool start = false;
-  double alpha = HypothesisOptions().alpha;
-  int max_leaves = HypothesisOptions().max_leaves;
   double max_pose_age_s = live::SavedPoseOptions().max_age_s;
   // Drivers of sensors deliver out of step.
-  double max_delay_s = 0.2;
+  LocalizerArguments localizer{.max_delay_s = 0.2};
   double step_budget_ms = live::ServiceOptions().step_budget_ms;
   std::int64_t log_quota_mib = live::ServiceOptions().max_log_bytes >> 20;
   std::optional<std::string> recording;
   std::int64_t recording_quota_mib = 1024;
-  LimitOptions limits;
-  std::string field_of_view = FieldOfViewNames().front();
 };
 
 std::string StateFolderOf(const ServeOptions& options) {
@@ -69,9 +64,7 @@ std::string CheckOptions(const ServeOptions& options) {
   if (options.maps && !options.content_hash.empty()) {
     return "--content-hash goes with --store or --snapshot";
   }
-  if (options.initial_pose != "auto" && !ParseInitialPose(options.initial_pose)) {
-    return fmt::format("--initial-pose '{}', expected X,Y,YAW or auto", options.initial_pose);
-  }
+  if (std::string wrong = options.localizer.Check(); !wrong.empty()) return wrong;
   if (RecordsIntoStateFolder(options)) {
     return fmt::format("--recording '{}': is the state folder, expected another one",
                        *options.recording);
@@ -93,12 +86,7 @@ live::ServiceOptions ServiceOptionsOf(const ServeOptions& options) {
   service.state_dir = StateFolderOf(options);
   service.vehicle = options.vehicle;
   service.software = "shiftmap-localizer " + SoftwareVersion();
-  service.localizer.hypotheses.alpha = options.alpha;
-  service.localizer.hypotheses.max_leaves = options.max_leaves;
-  service.localizer.initial_pose = ParseInitialPose(options.initial_pose);
-  service.localizer.max_delay_s = options.max_delay_s;
-  service.localizer.limits = options.limits;
-  service.localizer.hypotheses.field_of_view.model = FieldOfViewNamed(options.field_of_view);
+  service.localizer = options.localizer.Options();
   service.saved_pose.max_age_s = options.max_pose_age_s;
   service.step_budget_ms = options.step_budget_ms;
   service.max_log_bytes = options.log_quota_mib << 20;
@@ -145,7 +133,7 @@ void AddServeCommand(Application* application) {
       application->AddCommand("serve",
                               "Localize a live vehicle that talks over a Unix socket",
                               [options](Context& context) { return Serve(*options, context); });
-  AddLimitOptions(&options->limits, &command);
+  AddLimitOptions(&options->localizer.limits, &command);
   command.Option("--store", &options->store, "Map store to take the published version from")
       .Option("--snapshot", &options->snapshot, "Snapshot file to take the map from")
       .Option("--maps",
@@ -165,21 +153,13 @@ void AddServeCommand(Application* application) {
               "Folder for journal, saved pose and reports; default: the socket's path and .state")
       .Option("--vehicle", &options->vehicle, "Name of the vehicle in the fleet")
       .Option("--content-hash", &options->content_hash, "The map must have this content hash")
-      .Option("--initial-pose", &options->initial_pose, "X,Y,YAW in m, m, rad, or auto")
-      .Flag("--start", &options->start, "Begin a shift at once")
-      .Option("--alpha", &options->alpha, "Accepted probability of a wrong decision")
-      .InRange(1e-12, 0.49)
-      .Option("--max-leaves", &options->max_leaves, "Hypotheses kept at most")
-      .InRange(1, 1024)
-      .Option("--field-of-view",
-              &options->field_of_view,
-              "Where a landmark that is not seen counts as missed: in the sensor's sector, or in "
-              "what of it the last lidar scan covers")
-      .OneOf(FieldOfViewNames())
-      .Option("--max-pose-age-s", &options->max_pose_age_s, "Oldest saved pose that is used")
+      .Option("--initial-pose", &options->localizer.initial_pose, "X,Y,YAW in m, m, rad, or auto")
+      .Flag("--start", &options->start, "Begin a shift at once");
+  AddHypothesisOptions(&options->localizer, &command);
+  command.Option("--max-pose-age-s", &options->max_pose_age_s, "Oldest saved pose that is used")
       .InRange(0.0, 1e9)
       .Option("--max-delay-s",
-              &options->max_delay_s,
+              &options->localizer.max_delay_s,
               "Wait this long for odometry and scans that come late; 0: they come in order")
       .InRange(0.0, 60.0)
       .Option("--log-quota-mib",
