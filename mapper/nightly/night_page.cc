@@ -35,27 +35,9 @@ li{overflow-wrap:anywhere}figure{margin:1em 0}figcaption{font-weight:600}img{max
 )";
 
 std::string Html(const std::string& text) {
-  std::string html;
-  for (const char c : InertLine(text)) {
-    switch (c) {
-      case '&':
-        html += "&amp;";
-        break;
-      case '<':
-        html += "&lt;";
-        break;
-      case '>':
-        html += "&gt;";
-        break;
-      case '"':
-        html += "&quot;";
-        break;
-      case '\'':
-        html += "&#39;";
-        break;
-      default:
-        html += c;
-    }
+  std::string html = EscapeMarkup(InertLine(text));
+  for (std::size_t at = html.find('\''); at != std::string::npos; at = html.find('\'', at)) {
+    html.replace(at, 1, "&#39;");
   }
   return html;
 }

@@ -19,4 +19,9 @@ std::string InertLine(std::string_view text);
 /// have the character: such a document stays one, with the same values.
 std::string InertText(std::string_view text);
 
+/// `text` between the tags, or the double quotes of an attribute, of HTML and XML: `&`, `<`, `>`
+/// and
+/// `"` by their names.
+std::string EscapeMarkup(std::string_view text);
+
 }  // namespace shiftmap

@@ -25,27 +25,7 @@ std::string Escape(std::string_view text) {
       inert.replace(at, none.size(), "?");
     }
   }
-  std::string escaped;
-  escaped.reserve(inert.size());
-  for (const char c : inert) {
-    switch (c) {
-      case '&':
-        escaped += "&amp;";
-        break;
-      case '<':
-        escaped += "&lt;";
-        break;
-      case '>':
-        escaped += "&gt;";
-        break;
-      case '"':
-        escaped += "&quot;";
-        break;
-      default:
-        escaped += c;
-    }
-  }
-  return escaped;
+  return EscapeMarkup(inert);
 }
 
 std::string Attributes(const SvgStyle& style) {
