@@ -13,6 +13,7 @@
 #include "mapstore/codec/snapshot_json.h"
 #include "mapstore/core/atomic_file.h"
 #include "mapstore/core/input_file.h"
+#include "mapstore/core/lock_file.h"
 
 namespace shiftmap::transfer {
 namespace {
@@ -28,14 +29,6 @@ Status ErrnoStatus(const char* action) {
   return MakeStatus(code, "cannot {}: {}", action, std::strerror(errno));
 }
 
-// Whether the open file is still the one at the path.
-bool IsAt(int fd, const std::string& path) {
-  struct stat open_file {};
-  struct stat at_path {};
-  return fstat(fd, &open_file) == 0 && lstat(path.c_str(), &at_path) == 0 &&
-         open_file.st_dev == at_path.st_dev && open_file.st_ino == at_path.st_ino;
-}
-
 // Opens and locks the file. Whoever had it before may have renamed it meanwhile.
 StatusOr<OwnedFd> OpenLocked(const std::string& path) {
   for (;;) {
@@ -47,7 +40,7 @@ StatusOr<OwnedFd> OpenLocked(const std::string& path) {
       return errno == EWOULDBLOCK ? Unavailable("another process fetches it")
                                   : ErrnoStatus("lock its partial file");
     }
-    if (IsAt(fd.get(), path)) return fd;
+    if (IsFileAt(fd.get(), path)) return fd;
   }
 }
 

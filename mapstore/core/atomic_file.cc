@@ -14,6 +14,7 @@
 #include <iterator>
 #include <utility>
 
+#include "mapstore/core/lock_file.h"
 #include "proto/core/check.h"
 
 namespace shiftmap {
@@ -50,14 +51,6 @@ Status RenameAndSyncFolder(const std::string& temporary, const std::string& path
   return SyncFolderOf(path);
 }
 
-// Whether the open file is still the one at the path.
-bool IsAt(int fd, const std::string& path) {
-  struct stat open_file {};
-  struct stat at_path {};
-  return fstat(fd, &open_file) == 0 && lstat(path.c_str(), &at_path) == 0 &&
-         open_file.st_dev == at_path.st_dev && open_file.st_ino == at_path.st_ino;
-}
-
 // Makes a file that nobody else has and locks it. Returns -1 with errno.
 int CreateLocked(const std::string& path) {
   for (;;) {
@@ -65,7 +58,7 @@ int CreateLocked(const std::string& path) {
     if (fd < 0) return fd;
     // Where there are no locks, nobody takes the file for left behind either.
     const bool locked = flock(fd, LOCK_EX | LOCK_NB) == 0;
-    if (locked ? IsAt(fd, path) : errno != EWOULDBLOCK) return fd;
+    if (locked ? IsFileAt(fd, path) : errno != EWOULDBLOCK) return fd;
     // Somebody took it for left behind before it was locked.
     close(fd);
   }
@@ -79,7 +72,7 @@ bool RemoveAbandoned(const std::string& path) {
   const bool regular = fstat(fd, &info) == 0 && S_ISREG(info.st_mode);
   const bool abandoned = regular && flock(fd, LOCK_EX | LOCK_NB) == 0;
   // The name may be another file's by now.
-  const bool removed = abandoned && (!IsAt(fd, path) || unlink(path.c_str()) == 0);
+  const bool removed = abandoned && (!IsFileAt(fd, path) || unlink(path.c_str()) == 0);
   close(fd);
   return removed;
 }

@@ -3,6 +3,7 @@
 
 #include <fcntl.h>
 #include <sys/file.h>
+#include <sys/stat.h>
 
 #include <cerrno>
 #include <system_error>
@@ -34,6 +35,13 @@ StatusOr<std::optional<OwnedFd>> LockFile(const std::string& path) {
   }
   if (flock(fd.get(), LOCK_EX | LOCK_NB) != 0) return std::optional<OwnedFd>();
   return std::optional(std::move(fd));
+}
+
+bool IsFileAt(int fd, const std::string& path) {
+  struct stat open_file {};
+  struct stat at_path {};
+  return fstat(fd, &open_file) == 0 && lstat(path.c_str(), &at_path) == 0 &&
+         open_file.st_dev == at_path.st_dev && open_file.st_ino == at_path.st_ino;
 }
 
 }  // namespace shiftmap

@@ -20,4 +20,8 @@ StatusCode PathErrorCode(int error);
 /// kUnavailable if the file cannot be opened. Messages start with `lock 'PATH': `.
 StatusOr<std::optional<OwnedFd>> LockFile(const std::string& path);
 
+/// Whether an open file is still the one at a path: before it was locked, somebody may have removed
+/// or renamed it.
+bool IsFileAt(int fd, const std::string& path);
+
 }  // namespace shiftmap
