@@ -240,14 +240,8 @@ StatusOr<std::vector<GroupChain>> LearnChainsOf(const BuildState& build,
       rows.push_back({run.sha256, visit, run.vehicle});
     }
   }
-  SHIFTMAP_ASSIGN_OR_RETURN(std::vector<GroupChain> chains,
-                            LearnChains(*groups, std::move(rows), options));
-  for (std::size_t i = 0; i < chains.size(); ++i) {
-    const bool known = build.Known(sources[i].group) != nullptr;
-    const bool relearned = options.chains.relearned.contains((*groups)[i].signature);
-    if (chains[i].learned || !known || relearned) (*groups)[i].chain = chains[i].chain.chain;
-  }
-  return chains;
+  const auto known = [&](std::size_t i) { return build.Known(sources[i].group) != nullptr; };
+  return LearnChains(std::move(rows), options, known, groups);
 }
 
 // The filter of the group's chain over its visits, as the map's readers filter theirs: T-IV (13,
@@ -347,15 +341,23 @@ void AddTracks(const BuildState& build,
 
 }  // namespace
 
-StatusOr<std::vector<GroupChain>> LearnChains(const std::vector<LandmarkGroup>& groups,
-                                              std::vector<EvidenceRow> rows,
-                                              const MapperOptions& options) {
+StatusOr<std::vector<GroupChain>> LearnChains(std::vector<EvidenceRow> rows,
+                                              const MapperOptions& options,
+                                              const std::function<bool(std::size_t)>& has_own,
+                                              std::vector<LandmarkGroup>* groups) {
   std::vector<EvidenceRow> evidence = options.chains.ledger;
   std::move(rows.begin(), rows.end(), std::back_inserter(evidence));
   GroupChainOptions learning = options.chains.learning;
   learning.leave_rate_per_s = options.modes.leave_rate_per_s;
   learning.threads = options.threads;
-  return LearnGroupChains(groups, evidence, learning);
+  SHIFTMAP_ASSIGN_OR_RETURN(std::vector<GroupChain> chains,
+                            LearnGroupChains(*groups, evidence, learning));
+  for (std::size_t i = 0; i < chains.size(); ++i) {
+    LandmarkGroup& group = (*groups)[i];
+    const bool relearned = options.chains.relearned.contains(group.signature);
+    if (chains[i].learned || !has_own(i) || relearned) group.chain = chains[i].chain.chain;
+  }
+  return chains;
 }
 
 void SetMarginals(MapContent* content) {

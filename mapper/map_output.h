@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <cstddef>
+#include <functional>
 #include <optional>
 #include <vector>
 
@@ -32,11 +34,13 @@ struct MapOutput {
   IndexedVector<RunIndex, std::vector<ModeVisibility>> visibility;
 };
 
-/// The chains that the ledger of the options and a build's own rows speak for, one per group.
+/// Gives groups the chains that the ledger of the options and a build's own rows speak for. A group
+/// that neither tells of keeps its own if it `has_own`, by its index. One is returned per group.
 /// Errors: kInvalidArgument, as LearnGroupChains.
-StatusOr<std::vector<GroupChain>> LearnChains(const std::vector<LandmarkGroup>& groups,
-                                              std::vector<EvidenceRow> rows,
-                                              const MapperOptions& options);
+StatusOr<std::vector<GroupChain>> LearnChains(std::vector<EvidenceRow> rows,
+                                              const MapperOptions& options,
+                                              const std::function<bool(std::size_t)>& has_own,
+                                              std::vector<LandmarkGroup>* groups);
 
 /// Gives each mode of a map its marginal of the joint covariance.
 void SetMarginals(MapContent* content);

@@ -306,13 +306,8 @@ StatusOr<std::vector<GroupChain>> LearnChainsOf(const std::vector<MappedRun>& ru
       rows.push_back({run.sha256, visit, run.vehicle});
     }
   }
-  SHIFTMAP_ASSIGN_OR_RETURN(std::vector<GroupChain> chains,
-                            LearnChains(*groups, std::move(rows), options));
-  for (std::size_t i = 0; i < chains.size(); ++i) {
-    const bool relearned = options.chains.relearned.contains((*groups)[i].signature);
-    if (chains[i].learned || relearned) (*groups)[i].chain = chains[i].chain.chain;
-  }
-  return chains;
+  const auto always = [](std::size_t) { return true; };
+  return LearnChains(std::move(rows), options, always, groups);
 }
 
 }  // namespace
