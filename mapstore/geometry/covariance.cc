@@ -55,6 +55,13 @@ double LargestSd(const Eigen::Matrix2d& cov) {
   return std::sqrt(std::max(0.0, LargestEigenvalue(cov)));
 }
 
+SigmaEllipse MakeSigmaEllipse(const Eigen::Matrix2d& cov_m2) {
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> solver(cov_m2);
+  const Eigen::Vector2d sd = solver.eigenvalues().cwiseMax(0.0).cwiseSqrt();
+  const Eigen::Vector2d axis = solver.eigenvectors().col(1);
+  return {sd(1), sd(0), std::atan2(axis.y(), axis.x())};
+}
+
 double LogGaussian(const Eigen::Vector2d& nu, const Eigen::Matrix2d& S) {
   return -0.5 * SquaredMahalanobis(nu, S) - 0.5 * std::log(S.determinant()) -
          std::log(2.0 * std::numbers::pi);

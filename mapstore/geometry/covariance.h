@@ -33,6 +33,16 @@ typename Derived::PlainObject Symmetrized(const Eigen::MatrixBase<Derived>& matr
 /// The standard deviation of a 2 x 2 covariance in the direction in which it is largest.
 double LargestSd(const Eigen::Matrix2d& cov);
 
+/// Of a Gaussian with a covariance in m²: standard deviations along the axes of its ellipses, and
+/// the direction of the longer one, from x towards y.
+struct SigmaEllipse {
+  double major_m = 0.0;
+  double minor_m = 0.0;
+  double rotation_rad = 0.0;
+};
+
+SigmaEllipse MakeSigmaEllipse(const Eigen::Matrix2d& cov_m2);
+
 /// log N(ν; 0, S) for a 2-vector. Precondition: S symmetric positive definite.
 double LogGaussian(const Eigen::Vector2d& nu, const Eigen::Matrix2d& S);
 

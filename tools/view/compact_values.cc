@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tools/view/compact_values.h"
 
-#include <Eigen/Eigenvalues>
+#include <Eigen/Core>
 #include <chrono>
 #include <cmath>
 
@@ -19,13 +19,6 @@ double Rounded(double value, int digits) {
 }
 
 double Tenths(double value) { return std::round(value * 10.0) / 10.0; }
-
-SigmaEllipse MakeSigmaEllipse(const Eigen::Matrix2d& cov_m2) {
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> solver(cov_m2);
-  const Eigen::Vector2d sd = solver.eigenvalues().cwiseMax(0.0).cwiseSqrt();
-  const Eigen::Vector2d axis = solver.eigenvectors().col(1);
-  return {sd(1), sd(0), std::atan2(axis.y(), axis.x())};
-}
 
 Json RatesJson(const ModeChain& chain) {
   constexpr int kDigits = 6;

@@ -3,7 +3,6 @@
 // How the data document of the page writes values in few bytes.
 #pragma once
 
-#include <Eigen/Core>
 #include <cstdint>
 #include <nlohmann/json.hpp>
 #include <string>
@@ -30,16 +29,6 @@ double Rounded(double value, int digits);
 
 /// A value to one decimal.
 double Tenths(double value);
-
-/// Of a Gaussian with a covariance in m²: standard deviations along the axes of its ellipses, and
-/// the direction of the longer one, from x towards y.
-struct SigmaEllipse {
-  double major_m = 0.0;
-  double minor_m = 0.0;
-  double rotation_rad = 0.0;
-};
-
-SigmaEllipse MakeSigmaEllipse(const Eigen::Matrix2d& cov_m2);
 
 /// The leave rate of a uniform chain, or the rate matrix by rows, to six digits. [1/s]
 Json RatesJson(const ModeChain& chain);

@@ -13,6 +13,7 @@
 #include "mapstore/core/clock.h"
 #include "mapstore/core/inert_text.h"
 #include "mapstore/find_version.h"
+#include "mapstore/geometry/covariance.h"
 #include "mapstore/map/frame_change.h"
 #include "tools/plot/free_network.h"
 #include "tools/view/compact_values.h"

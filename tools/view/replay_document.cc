@@ -8,6 +8,7 @@
 
 #include "localizer/recording/shift_recording.h"
 #include "mapstore/core/inert_text.h"
+#include "mapstore/geometry/covariance.h"
 
 namespace shiftmap {
 namespace {
