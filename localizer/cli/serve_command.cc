@@ -33,7 +33,7 @@ struct ServeOptions {
   std::string vehicle = "vehicle";
   std::string content_hash;
   bool start = false;
-  double max_pose_age_s = live::SavedPoseOptions().max_age_s;
+  double max_pose_age_s = live::ServiceOptions().max_pose_age_s;
   // Drivers of sensors deliver out of step.
   LocalizerArguments localizer{.max_delay_s = 0.2};
   double step_budget_ms = live::ServiceOptions().step_budget_ms;
@@ -87,7 +87,7 @@ live::ServiceOptions ServiceOptionsOf(const ServeOptions& options) {
   service.vehicle = options.vehicle;
   service.software = "shiftmap-localizer " + SoftwareVersion();
   service.localizer = options.localizer.Options();
-  service.saved_pose.max_age_s = options.max_pose_age_s;
+  service.max_pose_age_s = options.max_pose_age_s;
   service.step_budget_ms = options.step_budget_ms;
   service.max_log_bytes = options.log_quota_mib << 20;
   if (options.recording) {

@@ -8,22 +8,11 @@
 
 namespace shiftmap::live {
 
-/// Rules of who may stay connected. A client that feeds items or subscribed is kept, a well-behaved
-/// driver and a silent listener alike. The others are guests, such as one `ctl` command: when all
-/// places are taken, the guest that was silent longest makes room for the next.
-struct ClientOptions {
-  std::size_t max_kept = 32;  ///< Kept at most; one more is a guest. > 0.
-  std::size_t guests = 8;     ///< Places beyond those, which only guests have. > 0.
-
-  /// A guest has at least this long to say its first message, and to take a reply, > 0. [s]
-  double grace_s = 0.2;
-
-  /// Clients are closed that have not said a first message, that have sent a part of one, and
-  /// guests that have been silent, for longer than this. > 0. [s]
-  double max_first_message_s = 10.0;
-  double max_half_message_s = 5.0;
-  double max_silent_guest_s = 300.0;
-};
+/// Who may stay connected. A client that feeds items or subscribed is kept, a well-behaved driver
+/// and a silent listener alike. The others are guests, such as one `ctl` command: when all places
+/// are taken, the guest that was silent longest makes room for the next.
+inline constexpr std::size_t kMaxKeptClients = 32;  ///< One more is a guest.
+inline constexpr std::size_t kGuestPlaces = 8;      ///< Beyond those; only guests have them.
 
 /// What a client did so far, by a steady clock.
 struct ClientActivity {
@@ -38,14 +27,11 @@ struct ClientActivity {
 };
 
 /// True if a client is to be closed, even if there is room for others.
-bool HasExpired(const ClientActivity& client,
-                const ClientOptions& options,
-                ClientActivity::Clock::time_point now);
+bool HasExpired(const ClientActivity& client, ClientActivity::Clock::time_point now);
 
 /// Index of the guest to close when all places are taken and another client comes; nothing if all
 /// are kept or in their grace.
 std::optional<std::size_t> GuestToClose(const std::vector<ClientActivity>& clients,
-                                        const ClientOptions& options,
                                         ClientActivity::Clock::time_point now);
 
 }  // namespace shiftmap::live

@@ -12,6 +12,10 @@ namespace {
 
 constexpr std::string_view kKind = "pose";
 
+constexpr double kMaxOdometerM = 0.5;  // The vehicle was moved if its odometer differs by more. [m]
+constexpr double kParkedSdM = 0.1;     // What a parked vehicle may be off by. [m]
+constexpr double kParkedSdRad = 0.05;  // [rad]
+
 }  // namespace
 
 Status WriteSavedPose(const SavedPose& saved, const std::string& path) {
@@ -30,7 +34,7 @@ StatusOr<PoseWithCovariance> UsableStart(const SavedPose& saved,
                                          const MapSnapshot& map,
                                          Stamp now,
                                          std::optional<double> odometer_m,
-                                         const SavedPoseOptions& options) {
+                                         double max_age_s) {
   if (saved.area != map.area() || saved.content_hash != map.content_hash()) {
     return FailedPrecondition("saved pose: on map {} of area '{}', expected {} of '{}'",
                               saved.content_hash,
@@ -39,19 +43,17 @@ StatusOr<PoseWithCovariance> UsableStart(const SavedPose& saved,
                               map.area());
   }
   const double age_s = ToSecondsSinceEpoch(now) - ToSecondsSinceEpoch(saved.stamp);
-  if (age_s < 0.0 || age_s > options.max_age_s) {
-    return FailedPrecondition(
-        "saved pose: {:.1f} s old, expected 0..{:.1f}", age_s, options.max_age_s);
+  if (age_s < 0.0 || age_s > max_age_s) {
+    return FailedPrecondition("saved pose: {:.1f} s old, expected 0..{:.1f}", age_s, max_age_s);
   }
-  if (odometer_m && saved.odometer_m &&
-      std::abs(*odometer_m - *saved.odometer_m) > options.max_odometer_m) {
+  if (odometer_m && saved.odometer_m && std::abs(*odometer_m - *saved.odometer_m) > kMaxOdometerM) {
     return FailedPrecondition("saved pose: odometer shows {:.2f} m, expected {:.2f} to {:.2f} m",
                               *odometer_m,
                               *saved.odometer_m,
-                              options.max_odometer_m);
+                              kMaxOdometerM);
   }
   PoseWithCovariance start = saved.pose;
-  const Eigen::Vector3d sd(options.sd_position_m, options.sd_position_m, options.sd_yaw_rad);
+  const Eigen::Vector3d sd(kParkedSdM, kParkedSdM, kParkedSdRad);
   start.cov_T_map_vehicle.diagonal() += sd.cwiseAbs2();
   return start;
 }

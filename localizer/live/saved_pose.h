@@ -10,13 +10,6 @@
 
 namespace shiftmap::live {
 
-struct SavedPoseOptions {
-  double max_age_s = 900.0;     ///< Older ones are not used, >= 0. [s]
-  double max_odometer_m = 0.5;  ///< The vehicle was moved if its odometer differs by more. [m]
-  double sd_position_m = 0.1;   ///< What a parked vehicle may be off by. [m]
-  double sd_yaw_rad = 0.05;     ///< [rad]
-};
-
 /// Writes the pose, whole or not at all, with a checksum. Errors: as WriteFileAtomically.
 Status WriteSavedPose(const SavedPose& saved, const std::string& path);
 
@@ -27,10 +20,11 @@ StatusOr<SavedPose> ReadSavedPose(const std::string& path);
 /// if the map is another one, the pose is too old or from the future, or the vehicle has moved.
 /// @param now         Stamp of the first item of the shift.
 /// @param odometer_m  What the vehicle's odometer shows, if known. [m]
+/// @param max_age_s   Older ones are not used. [s]
 StatusOr<PoseWithCovariance> UsableStart(const SavedPose& saved,
                                          const MapSnapshot& map,
                                          Stamp now,
                                          std::optional<double> odometer_m,
-                                         const SavedPoseOptions& options);
+                                         double max_age_s);
 
 }  // namespace shiftmap::live

@@ -52,11 +52,9 @@ std::string FramedEvent(const Event& event) {
 
 }  // namespace
 
-StatusOr<Server> Server::Listen(const std::string& path,
-                                ServiceNotifier* notifier,
-                                const ClientOptions& clients) {
+StatusOr<Server> Server::Listen(const std::string& path, ServiceNotifier* notifier) {
   SHIFTMAP_ASSIGN_OR_RETURN(OwnedFd listener, ListenAt(path));
-  return Server(path, std::move(listener), notifier, clients);
+  return Server(path, std::move(listener), notifier);
 }
 
 Server::~Server() {
@@ -135,10 +133,10 @@ void Server::StepCallback() {
 }
 
 bool Server::MakePlace() {
-  if (clients_.size() < client_options_.max_kept + client_options_.guests) return true;
+  if (clients_.size() < kMaxKeptClients + kGuestPlaces) return true;
   std::vector<ClientActivity> activities;
   for (const Connection& client : clients_) activities.push_back(client.activity());
-  const auto closed = GuestToClose(activities, client_options_, std::chrono::steady_clock::now());
+  const auto closed = GuestToClose(activities, std::chrono::steady_clock::now());
   if (!closed) return false;
   clients_.erase(std::next(clients_.begin(), static_cast<std::ptrdiff_t>(*closed)));
   service_->CountDropped("client");
@@ -158,7 +156,7 @@ void Server::Keep(Connection* client) {
   const auto kept = std::count_if(clients_.begin(), clients_.end(), [](const Connection& other) {
     return other.activity().kept;
   });
-  if (static_cast<std::size_t>(kept) < client_options_.max_kept) client->Keep();
+  if (static_cast<std::size_t>(kept) < kMaxKeptClients) client->Keep();
 }
 
 void Server::Serve(Connection* client) {
@@ -237,7 +235,7 @@ void Server::FlushAll() {
   for (auto client = clients_.begin(); client != clients_.end();) {
     client->Flush();
     service_->CountDropped("slow_client", client->TakeDropped());
-    const bool expired = HasExpired(client->activity(), client_options_, now);
+    const bool expired = HasExpired(client->activity(), now);
     if (expired) service_->CountDropped("client");
     if (client->Done() || expired) {
       client = clients_.erase(client);

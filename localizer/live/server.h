@@ -20,15 +20,13 @@ namespace shiftmap::live {
 /// One turn: wait, take in requests, step (also when the stream pauses), write the journal, then
 /// send replies and events. So a reply to a step is sent after the journal has it, and neither disk
 /// nor a client is waited for inside a step. Each client has some milliseconds of a turn, so that
-/// one that floods delays the others by little. ClientOptions says who may stay connected.
+/// one that floods delays the others by little. client_places.h says who may stay connected.
 class Server {
  public:
   /// Clients can connect from here on; they are answered by Run().
   /// @param notifier  Outlives this.
   /// Errors: as ListenAt.
-  static StatusOr<Server> Listen(const std::string& path,
-                                 ServiceNotifier* notifier,
-                                 const ClientOptions& clients = ClientOptions());
+  static StatusOr<Server> Listen(const std::string& path, ServiceNotifier* notifier);
 
   Server(Server&&) noexcept = default;
   Server& operator=(Server&&) = delete;
@@ -42,14 +40,8 @@ class Server {
   Status Run(Service* service);
 
  private:
-  Server(std::string path,
-         OwnedFd listener,
-         ServiceNotifier* notifier,
-         const ClientOptions& client_options)
-      : path_(std::move(path)),
-        listener_(std::move(listener)),
-        notifier_(notifier),
-        client_options_(client_options) {}
+  Server(std::string path, OwnedFd listener, ServiceNotifier* notifier)
+      : path_(std::move(path)), listener_(std::move(listener)), notifier_(notifier) {}
 
   Status Wait(bool* stop);
   bool MakePlace();
@@ -70,7 +62,6 @@ class Server {
   OwnedFd signals_;
   Service* service_ = nullptr;
   ServiceNotifier* notifier_;
-  ClientOptions client_options_;
   bool full_ = false;        // A client waits for a place.
   bool downloader_ = false;  // One that downloads maps is connected.
   std::list<Connection> clients_;

@@ -19,6 +19,7 @@ namespace shiftmap::live {
 namespace {
 
 constexpr std::size_t kLongestFileName = 128;  // In the state folder.
+constexpr double kMaxFutureS = 1.0;            // A stamp may be as far ahead of this host's clock.
 
 Status MakeFolder(const char* folder, const std::string& path) {
   constexpr mode_t kAccess = 0750;
@@ -153,12 +154,12 @@ Status Service::Feed(const RunEvent& item, std::vector<Event>* events) {
     return NoShift();
   }
   const Stamp stamp = StampOf(item);
-  if (const Stamp now = options_.clock(); stamp > now + FromSeconds(options_.max_future_s)) {
+  if (const Stamp now = options_.clock(); stamp > now + FromSeconds(kMaxFutureS)) {
     dropped_.Add("future");
     Refused(TimeLine::kFuture, events);
     return InvalidArgument("item at {:.6f} s, expected at most {:.3f} s after {:.6f} s, now",
                            ToSecondsSinceEpoch(stamp),
-                           options_.max_future_s,
+                           kMaxFutureS,
                            ToSecondsSinceEpoch(now));
   }
   bool late = false;

@@ -44,7 +44,9 @@ struct ServiceOptions {
   std::string vehicle;    ///< Name in the fleet, if a start gives none.
   std::string software;   ///< As ShiftReport::software.
   LocalizerOptions localizer;  ///< Valid; `initial_pose` is that of the first start.
-  SavedPoseOptions saved_pose;
+
+  /// Older saved poses are not used, >= 0. [s]
+  double max_pose_age_s = 900.0;
 
   /// What the run logs of all shifts may take in the state folder; 0: none are kept. [byte]
   std::int64_t max_log_bytes = std::int64_t{4} << 30;
@@ -54,12 +56,6 @@ struct ServiceOptions {
 
   /// A step that takes longer counts as an overrun, > 0. [ms]
   double step_budget_ms = 20.0;
-
-  /// A stamp may be this far ahead of this host's clock, >= 0. [s]
-  double max_future_s = 1.0;
-
-  /// For how long all items must be refused for their stamps until a clock counts as set, >= 0. [s]
-  double max_refused_s = 1.0;
 
   /// The host's clock.
   std::function<Stamp()> clock;
@@ -136,6 +132,9 @@ class Service {
   static constexpr const char* kJournal = "shift.journal";
   static constexpr const char* kResumeMark = "shift.resuming";
 
+  // For how long all items must be refused for their stamps until a clock counts as set. [s]
+  static constexpr double kMaxRefusedS = 1.0;
+
   // A map with what keeps its file.
   struct LoadedMap {
     MapSnapshot map;
@@ -155,7 +154,7 @@ class Service {
   Service(ServiceOptions options, FleetActions fleet)
       : options_(std::move(options)),
         logs_(options_.state_dir, options_.max_log_bytes, options_.recordings),
-        time_line_(FromSeconds(options_.max_refused_s)),
+        time_line_(FromSeconds(kMaxRefusedS)),
         fleet_(std::move(fleet)),
         area_(options_.area) {}
 

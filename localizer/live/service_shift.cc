@@ -53,7 +53,7 @@ Status Service::BeginShift(const ShiftHeader& header) {
   ResumeMark(File(kResumeMark)).Clear();
   journal_->Append(EncodeJournalRecord(header));
   shift_.emplace(map_->map, header);
-  time_line_ = TimeLineWatch(FromSeconds(options_.max_refused_s));
+  time_line_ = TimeLineWatch(FromSeconds(kMaxRefusedS));
   start_chosen_ = false;
   resumed_ = false;
   implausible_warned_ = false;
@@ -83,7 +83,7 @@ void Service::ChooseStart(Stamp now) {
   }
   if (given_start_) return;
   const auto start =
-      UsableStart(*saved, map_->map, now, shift_->header().odometer_m, options_.saved_pose);
+      UsableStart(*saved, map_->map, now, shift_->header().odometer_m, options_.max_pose_age_s);
   if (start.ok()) {
     InitializeShift(*start);
   } else {
@@ -143,7 +143,7 @@ void Service::EndShift() {
   shift_.reset();
   held_until_.reset();
   given_start_.reset();
-  time_line_ = TimeLineWatch(FromSeconds(options_.max_refused_s));
+  time_line_ = TimeLineWatch(FromSeconds(kMaxRefusedS));
 }
 
 void Service::Refused(TimeLine why, std::vector<Event>* events) {
@@ -152,7 +152,7 @@ void Service::Refused(TimeLine why, std::vector<Event>* events) {
   if (before != TimeLine::kAgrees || time_line_.verdict() == before) return;
   events->emplace_back(StateEvent{shift_->now(), LocalizerState::kLost});
   options_.warn(fmt::format("no item of the last {} s fits: {}",
-                            options_.max_refused_s,
+                            kMaxRefusedS,
                             time_line_.verdict() == TimeLine::kLate
                                 ? "all are late, the vehicle's clock was set back"
                                 : "they are ahead of this host's clock, or ahead and late"));

@@ -17,6 +17,7 @@
 namespace shiftmap::transfer {
 namespace {
 
+constexpr long kConnectMs = 20'000;  // Until a connection stands. [ms]
 constexpr long kMaxRedirects = 5;
 constexpr long kOk = 200;
 constexpr long kPartialContent = 206;
@@ -91,7 +92,7 @@ void SetOptions(const std::string& link, const MapDownloadOptions& options, Tran
   // Compressed on the way, a file could not be gone on with.
   curl_easy_setopt(curl, CURLOPT_ACCEPT_ENCODING, nullptr);
   curl_easy_setopt(curl, CURLOPT_NOSIGNAL, 1L);
-  curl_easy_setopt(curl, CURLOPT_CONNECTTIMEOUT_MS, std::lround(1000.0 * options.connect_s));
+  curl_easy_setopt(curl, CURLOPT_CONNECTTIMEOUT_MS, kConnectMs);
   curl_easy_setopt(curl, CURLOPT_LOW_SPEED_LIMIT, 1L);
   curl_easy_setopt(curl, CURLOPT_LOW_SPEED_TIME, std::lround(std::ceil(options.silent_s)));
   curl_easy_setopt(curl,

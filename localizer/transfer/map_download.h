@@ -14,7 +14,6 @@ struct MapDownloadOptions {
   std::string ca;                                  ///< PEM file; empty: the system's authorities.
   std::int64_t max_bytes = std::int64_t{1} << 30;  ///< Of a file, > 0. [byte]
   double max_bytes_per_s = 0.0;                    ///< 0: as fast as it comes. [B/s]
-  double connect_s = 20.0;                         ///< Until a connection stands, > 0. [s]
   double silent_s = 30.0;  ///< A connection on which nothing came for so long is given up, > 0. [s]
 
   std::function<void()> alive;  ///< Called while the file comes.

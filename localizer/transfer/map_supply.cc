@@ -11,6 +11,9 @@
 namespace shiftmap::transfer {
 namespace {
 
+// Maps of the area beside the enabled one.
+constexpr std::size_t kOthersKept = 2;
+
 std::optional<FolderMap> WithHash(const std::vector<FolderMap>& maps, const std::string& sha256) {
   const auto found = std::find_if(
       maps.begin(), maps.end(), [&](const FolderMap& map) { return map.sha256 == sha256; });
@@ -90,8 +93,7 @@ Status MapSupply::DeleteOld(MapFolder* folder) {
   }
   std::sort(
       by_age.begin(), by_age.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
-  const auto kept = static_cast<std::size_t>(std::max(0, options_.kept_maps - 1));
-  for (std::size_t i = 0; i + kept < by_age.size(); ++i) {
+  for (std::size_t i = 0; i + kOthersKept < by_age.size(); ++i) {
     const FolderMap& old = by_age[i].second;
     if (next_ && old.sha256 == next_->sha256) continue;
     const Status removed = folder->Remove(old.map_id, old.map_version);

@@ -23,7 +23,6 @@ struct MapSupplyOptions {
   std::string socket;             ///< Of `serve`.
   std::vector<std::string> keys;  ///< PEM files of SnapshotKeys; read anew with each snapshot.
   double max_bytes_per_s = 0.0;   ///< 0: as fast as it comes. [B/s]
-  int kept_maps = 3;              ///< Of the area, the enabled one among them; at least 1.
   MapFolderOptions folder;
 
   std::function<void(const std::string&)> inform;

@@ -26,6 +26,9 @@ constexpr int kReaders = 3;
 constexpr int kMaxShortCalls = 256;
 constexpr std::size_t kMaxCallBytes = std::size_t{96} << 20;
 
+// Writes that wait at a time.
+constexpr std::size_t kMaxWaitingWrites = 1024;
+
 // A connection begins anew now and then, so that it is checked against the authorities of the day.
 constexpr int kConnectionAgeMs = 30 * 60 * 1000;
 constexpr int kConnectionGraceMs = 30 * 60 * 1000;
@@ -105,8 +108,7 @@ struct MapServer::State {
 Status MapServer::State::OpenParts() {
   // The writer first: it takes up what an interrupted write left.
   SHIFTMAP_ASSIGN_OR_RETURN(MapStore store, OpenStore(options, MapStore::Access::kReadWrite, log));
-  writer = std::make_unique<StoreWriter>(std::move(store),
-                                         static_cast<std::size_t>(options.max_waiting_writes));
+  writer = std::make_unique<StoreWriter>(std::move(store), kMaxWaitingWrites);
   SHIFTMAP_ASSIGN_OR_RETURN(std::vector<SnapshotSigner> signers, ReadSigners(options.signing_keys));
   SHIFTMAP_ASSIGN_OR_RETURN(
       snapshots,

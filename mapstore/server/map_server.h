@@ -45,7 +45,6 @@ struct MapServerOptions {
   int max_transfers = 256;                   ///< Downloads and uploads at a time.
   int max_watches = 4096;                    ///< WatchSnapshots at a time.
   int max_streams_per_client = 4;            ///< Of each of the two kinds.
-  int max_waiting_writes = 1024;
 
   std::optional<ListenAddress> metrics;
 };

@@ -21,6 +21,9 @@ using Clock = std::chrono::steady_clock;
 
 constexpr int kPollMs = 20;
 
+// Of the cuts, those that let a request of the client through and hold the answer back.
+constexpr double kAnswerShare = 0.34;
+
 // From where on an answer is held back until the connection is cut: the server can commit.
 constexpr std::chrono::milliseconds kTimeToCommit(60);
 
@@ -91,7 +94,7 @@ CuttingProxy::Plan CuttingProxy::Draw() {
   // Short cuts hit handshakes and requests, long ones files.
   plan.bytes = static_cast<std::int64_t>(
       std::exp(uniform(random_) * std::log(static_cast<double>(options_.longest_bytes))));
-  if (uniform(random_) < options_.answer_share) {
+  if (uniform(random_) < kAnswerShare) {
     plan.kind = CutKind::kAnswer;
     constexpr std::int64_t kRequests = 8192;
     plan.bytes = std::min(plan.bytes, kRequests);

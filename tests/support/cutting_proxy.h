@@ -18,9 +18,6 @@ namespace shiftmap::testing {
 struct CutOptions {
   double probability = 0.3;              ///< That a connection is cut.
   std::int64_t longest_bytes = 1 << 20;  ///< Bound of what goes through in the cut direction.
-
-  /// Share of the cuts that let a request of the client through and hold the answer back.
-  double answer_share = 0.34;
   std::uint64_t seed = 1;
 };
 

@@ -22,41 +22,37 @@ ClientActivity Kept(double last_s) {
 }
 
 TEST(ClientPlacesTest, DriversAndListenersStayHoweverSilent) {
-  const ClientOptions options;
-  EXPECT_FALSE(HasExpired(Kept(0.0), options, At(1e6)));
-  EXPECT_FALSE(GuestToClose({Kept(0.0), Kept(5.0)}, options, At(1e6)));
+  EXPECT_FALSE(HasExpired(Kept(0.0), At(1e6)));
+  EXPECT_FALSE(GuestToClose({Kept(0.0), Kept(5.0)}, At(1e6)));
 }
 
 TEST(ClientPlacesTest, GuestsAreClosedOnceSilentForLong) {
-  const ClientOptions options;
-  EXPECT_FALSE(HasExpired(Guest(0.0, false), options, At(9.0)));
-  EXPECT_TRUE(HasExpired(Guest(0.0, false), options, At(11.0)));
-  EXPECT_FALSE(HasExpired(Guest(0.0, true), options, At(299.0)));
-  EXPECT_TRUE(HasExpired(Guest(0.0, true), options, At(301.0)));
+  EXPECT_FALSE(HasExpired(Guest(0.0, false), At(9.0)));
+  EXPECT_TRUE(HasExpired(Guest(0.0, false), At(11.0)));
+  EXPECT_FALSE(HasExpired(Guest(0.0, true), At(299.0)));
+  EXPECT_TRUE(HasExpired(Guest(0.0, true), At(301.0)));
 }
 
 TEST(ClientPlacesTest, HalfAMessageIsNotWaitedForLong) {
   ClientActivity client = Kept(0.0);
   client.half_since = At(100.0);
-  EXPECT_FALSE(HasExpired(client, ClientOptions(), At(104.0)));
-  EXPECT_TRUE(HasExpired(client, ClientOptions(), At(106.0)));
+  EXPECT_FALSE(HasExpired(client, At(104.0)));
+  EXPECT_TRUE(HasExpired(client, At(106.0)));
 }
 
 TEST(ClientPlacesTest, TheGuestThatWasSilentLongestMakesRoom) {
-  const ClientOptions options;
-  EXPECT_EQ(GuestToClose({Kept(0.0), Guest(3.0, true), Guest(2.0, false)}, options, At(9.0)), 2u);
-  EXPECT_EQ(GuestToClose({Kept(0.0), Guest(3.0, true), Guest(4.0, false)}, options, At(9.0)), 1u);
+  EXPECT_EQ(GuestToClose({Kept(0.0), Guest(3.0, true), Guest(2.0, false)}, At(9.0)), 2u);
+  EXPECT_EQ(GuestToClose({Kept(0.0), Guest(3.0, true), Guest(4.0, false)}, At(9.0)), 1u);
 }
 
 TEST(ClientPlacesTest, AGuestHasTimeToAskAndToBeAnswered) {
-  const ClientOptions options;
-  EXPECT_FALSE(GuestToClose({Guest(3.0, false)}, options, At(3.1)));
-  EXPECT_EQ(GuestToClose({Guest(3.0, false)}, options, At(3.3)), 0u);
-  EXPECT_EQ(GuestToClose({Guest(3.0, true)}, options, At(3.1)), 0u);
+  EXPECT_FALSE(GuestToClose({Guest(3.0, false)}, At(3.1)));
+  EXPECT_EQ(GuestToClose({Guest(3.0, false)}, At(3.3)), 0u);
+  EXPECT_EQ(GuestToClose({Guest(3.0, true)}, At(3.1)), 0u);
   ClientActivity owed = Guest(3.0, true);
   owed.is_owed = true;
-  EXPECT_FALSE(GuestToClose({owed}, options, At(3.1)));
-  EXPECT_EQ(GuestToClose({owed}, options, At(3.3)), 0u);
+  EXPECT_FALSE(GuestToClose({owed}, At(3.1)));
+  EXPECT_EQ(GuestToClose({owed}, At(3.3)), 0u);
 }
 
 }  // namespace

@@ -51,9 +51,8 @@ TEST(SavedPoseTest, SurvivesTheDiskAndNoDamage) {
 
 TEST(SavedPoseTest, UsedOnlyOnItsMapWhileYoungAndUnmoved) {
   const MapSnapshot map = Snapshot(MakeTwoModeMap(5, 10.0, 1));
-  const SavedPoseOptions options;
   const auto start = [&](const SavedPose& saved, double age_s, std::optional<double> odometer_m) {
-    return UsableStart(saved, map, kSaved + FromSeconds(age_s), odometer_m, options);
+    return UsableStart(saved, map, kSaved + FromSeconds(age_s), odometer_m, 900.0);
   };
   ASSERT_THAT(start(Parked(), 60.0, 120.6), IsOk());
   EXPECT_THAT(start(Parked(), 60.0, std::nullopt), IsOk());
