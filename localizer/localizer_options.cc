@@ -37,8 +37,6 @@ Status LocalizerOptions::Validate() const {
   SHIFTMAP_RETURN_IF_ERROR(CheckAtLeast("min_observations", health.min_observations, 1));
   SHIFTMAP_RETURN_IF_ERROR(CheckRange("lost_share", health.lost_share, 0.0, 1.0));
   SHIFTMAP_RETURN_IF_ERROR(CheckRange("found_share", health.found_share, health.lost_share, 1.0));
-  SHIFTMAP_RETURN_IF_ERROR(CheckRange("unproven_s", health.unproven_s, 0.0, kSecondsPerDay));
-  SHIFTMAP_RETURN_IF_ERROR(CheckRange("unproven_tail", health.unproven_tail, 0.0, 1.0));
   SHIFTMAP_RETURN_IF_ERROR(CheckAtLeast("min_pairs", health.min_pairs, 1));
   SHIFTMAP_RETURN_IF_ERROR(CheckRange("min_pair_share", health.min_pair_share, 0.0, 1.0));
   SHIFTMAP_RETURN_IF_ERROR(

@@ -55,7 +55,7 @@ HypothesisBank::HypothesisBank(MapSnapshot snapshot,
                                Stamp stamp)
     : snapshot_(std::move(snapshot)),
       options_(options),
-      view_(snapshot_.calibration().sensor, options.field_of_view.polygon),
+      view_(snapshot_.calibration().sensor),
       grid_(snapshot_, snapshot_.calibration().sensor.max_range_m),
       gate_(ChiSquareQuantile(options.gate_probability, 2)),
       unknown_place_density_(UnknownPlaceDensity(snapshot_)),

@@ -13,6 +13,11 @@ namespace {
 // The bearing of a nearer point is undefined. [m]
 constexpr double kMinRange = 1e-3;
 
+// The area that a scan covers is grown by this away from the lidar, T-IV IX-D: landmarks are on
+// what the beams hit, so that without it half of the samples of a landmark in plain view fall
+// outside. [m]
+constexpr double kGrownM = 0.5;
+
 Eigen::Vector2d RangeBearing(const Eigen::Vector2d& q) {
   return {std::max(q.norm(), kMinRange), std::atan2(q.y(), q.x())};
 }
@@ -53,13 +58,10 @@ void LidarView::Move(const Se2& T_begin_end, double elapsed_s, Stamp now, double
   T_scan_now = T_scan_now * Se2::Exp(share * T_begin_end.Log());
 }
 
-FieldOfView::FieldOfView(const SensorCalibration& sensor, const ScanPolygonOptions& options)
-    : sensor_(sensor), grown_m_(options.grown_m), share_(options) {}
-
 void FieldOfView::Look(const LidarView* lidar) {
   by_lidar_ = lidar != nullptr && lidar->counts;
   if (!by_lidar_) return;
-  if (polygon_stamp_ != lidar->scan.stamp) polygon_.Assign(lidar->scan, grown_m_);
+  if (polygon_stamp_ != lidar->scan.stamp) polygon_.Assign(lidar->scan, kGrownM);
   polygon_stamp_ = lidar->scan.stamp;
   polygon_.SetVehicle(lidar->T_scan_now);
 }
@@ -72,7 +74,7 @@ double FieldOfView::Probability(const Eigen::Vector2d& q, const Eigen::Matrix2d&
 bool FieldOfView::WellInView(const Eigen::Vector2d& q) const {
   if (!shiftmap::WellInView(q, sensor_)) return false;
   // Half of what the area is grown by: what stands on a wall is in view of it.
-  const double clear_m = 0.5 * grown_m_;
+  const double clear_m = 0.5 * kGrownM;
   return !by_lidar_ || polygon_.ContainsDisc(q, clear_m).value_or(false);
 }
 

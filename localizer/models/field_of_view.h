@@ -30,8 +30,6 @@ struct FieldOfViewOptions {
   /// Largest age of a lidar scan at an observation, > 0. A larger age serves a slower lidar, but
   /// moving obstacles go farther in that time. [s]
   double max_lidar_age_s = 0.5;
-
-  ScanPolygonOptions polygon = {};
 };
 
 /// The last scan of a lidar, as seen from where the vehicle is now.
@@ -56,7 +54,7 @@ struct LidarView {
 /// Memory: that of the largest scan, reused. Threads: const-safe.
 class FieldOfView {
  public:
-  FieldOfView(const SensorCalibration& sensor, const ScanPolygonOptions& options);
+  explicit FieldOfView(const SensorCalibration& sensor) : sensor_(sensor) {}
 
   /// What is asked from now on is of the time of this view. The polygon of a scan is made once.
   /// @param lidar  Its scan is valid by ValidateEvent(). Null: no lidar.
@@ -75,7 +73,6 @@ class FieldOfView {
 
  private:
   SensorCalibration sensor_;
-  double grown_m_;
   ScanPolygonShare share_;
   ScanPolygon polygon_;
   std::optional<Stamp> polygon_stamp_;  // Of the scan that polygon_ is of.

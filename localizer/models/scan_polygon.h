@@ -17,10 +17,6 @@
 namespace shiftmap {
 
 struct ScanPolygonOptions {
-  /// The area is grown by this away from the lidar, T-IV IX-D: landmarks are on what the beams hit,
-  /// so that without it half of the samples of a landmark in plain view fall outside. [m]
-  double grown_m = 0.5;
-
   /// Samples of a landmark's place, T-IV IX-D. The probability is a multiple of their inverse.
   int samples = 100;
 
@@ -37,7 +33,7 @@ class ScanPolygon {
   ///                       frame; for a beam without return where it could have hit. [m]
   /// @param all_round      The beams cover the full circle. If not, the sector behind the lidar,
   ///                       from the last beam to the first, is outside.
-  /// @param grown_m        As in ScanPolygonOptions.
+  /// @param grown_m        The area is grown by this away from the lidar.
   ScanPolygon(std::span<const Eigen::Vector2d> border_lidar,
               const Se2& T_vehicle_lidar,
               bool all_round,

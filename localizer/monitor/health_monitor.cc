@@ -18,6 +18,11 @@ constexpr double kMovedShare = 1.0 / 3.0;
 // A landmark that agreed so long before it fails turned.
 constexpr double kTurnS = 10.0;
 
+// Unproven: of the landmarks seen in this time [s], at most two stand where the map has them, and
+// as many do not as have moved at once with less than this probability (FailureTail).
+constexpr double kUnprovenS = 60.0;
+constexpr double kUnprovenTail = 0.01;
+
 // Least chance of the innovations by which a pose is confirmed.
 constexpr double kMinTail = 0.02;
 
@@ -131,13 +136,13 @@ bool HealthMonitor::LandmarksMoved(Tallies::const_iterator begin) const {
 std::optional<PoseSupport> HealthMonitor::JudgeProof() const {
   if (tallies_.empty()) return std::nullopt;
   PoseSupport support;
-  support.since = tallies_.back().stamp - FromSeconds(options_.unproven_s);
+  support.since = tallies_.back().stamp - FromSeconds(kUnprovenS);
   const AtModes seen = CountAtModes(support.since);
   support.agreeing = seen.yes + seen.of_start;
   support.failing = seen.no;
   // Two landmarks agree with some pose, always.
   if (support.agreeing >= kMinAgreeing) return std::nullopt;
-  return FailureTail(support) < options_.unproven_tail ? std::optional(support) : std::nullopt;
+  return FailureTail(support) < kUnprovenTail ? std::optional(support) : std::nullopt;
 }
 
 void HealthMonitor::MarkStart() {

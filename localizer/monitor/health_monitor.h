@@ -47,11 +47,6 @@ struct HealthOptions {
   /// Found: this share of the same number of observations agrees.
   double found_share = 0.5;
 
-  /// Unproven: of the landmarks seen in this time [s], at most two stand where the map has them,
-  /// and as many do not as have moved at once with less than this probability (FailureTail).
-  double unproven_s = 60.0;
-  double unproven_tail = 0.01;
-
   /// Landmarks moved, and the pose is not wrong: of at least this number of pairs of failing
   /// landmarks, a smaller share than this keeps its distance.
   int min_pairs = 4;
@@ -94,8 +89,8 @@ class HealthMonitor {
   /// Lost by DeclareLost(): the pose is wrong, and not only in doubt.
   bool wrong() const { return lost_ && wrong_; }
 
-  /// Set by Judge() if the map does not prove the pose (HealthOptions): the numbers of landmarks
-  /// that stand where the map has them, and of the others.
+  /// Set by Judge() if the map does not prove the pose: of the landmarks seen last, so few stand
+  /// where it has them that no such number has moved at once. The numbers of these and the others.
   const std::optional<PoseSupport>& unproven() const { return unproven_; }
 
   /// Of the last observations, those from `since` on and not of `except` (-1: of all).

@@ -36,7 +36,7 @@ TreeSlam::TreeSlam(const TreeSlamOptions& options,
                    const std::optional<MapContent>& prior)
     : options_(options),
       sensor_(calibration.sensor),
-      view_(calibration.sensor, options.field_of_view.polygon),
+      view_(calibration.sensor),
       gate_(ChiSquareQuantile(options.gate_probability, 2)),
       tree_({options.alpha, options.max_leaves, options.visit_gap_s},
             GroupsOf(prior),

@@ -30,7 +30,7 @@ void FieldOfViewOfAScan(benchmark::State& state) {
   SensorCalibration sensor;
   sensor.max_range_m = 20.0;
   sensor.max_bearing_rad = std::numbers::pi;
-  FieldOfView view(sensor, {});
+  FieldOfView view(sensor);
   for (auto _ : state) {
     lidar.scan.stamp += Duration(1);  // Another scan: the polygon is made anew.
     view.Look(&lidar);

@@ -70,8 +70,8 @@ LidarView ViewOf(const LidarScan& scan, Stamp now) {
 }
 
 TEST(FieldOfView, WithoutAScanOfTheTimeIsTheSector) {
-  const FieldOfView sector(Sensor(), {});
-  FieldOfView polygon(Sensor(), {});
+  const FieldOfView sector(Sensor());
+  FieldOfView polygon(Sensor());
   LidarView lidar;
   lidar.Move(Se2(), 0.1, At(0.0), kMaxAge);
   polygon.Look(&lidar);
@@ -93,7 +93,7 @@ TEST(FieldOfView, WithoutAScanOfTheTimeIsTheSector) {
 }
 
 TEST(FieldOfView, SectorIsThatOfTheDetectionModel) {
-  const FieldOfView view(Sensor(), {});
+  const FieldOfView view(Sensor());
   const Eigen::Vector2d q(6.0, 4.0);
   const double variance = 0.04;
   // An isotropic place is as uncertain along as across.
@@ -104,8 +104,8 @@ TEST(FieldOfView, SectorIsThatOfTheDetectionModel) {
 }
 
 TEST(FieldOfView, IsTheSectorWhereNothingStandsBeforeIt) {
-  const FieldOfView sector(Sensor(), {});
-  FieldOfView polygon(Sensor(), {});
+  const FieldOfView sector(Sensor());
+  FieldOfView polygon(Sensor());
   const LidarView lidar = ViewOf(ScanAt(Se2(), At(0.0)), At(0.0));
   polygon.Look(&lidar);
   const Eigen::Matrix2d cov = 0.0025 * Eigen::Matrix2d::Identity();
@@ -136,14 +136,14 @@ TEST(FieldOfView, IsTheSectorWhereNothingStandsBeforeIt) {
 TEST(FieldOfView, ALidarScanKeepsItsPlaceWhileTheVehicleDrives) {
   const Eigen::Vector3d twist_per_s(2.0, 0.0, 0.8);
   const auto pose = [&](double seconds) { return Se2::Exp(seconds * twist_per_s); };
-  FieldOfView moved(Sensor(), {});
+  FieldOfView moved(Sensor());
   LidarView lidar;
   lidar.Take(ScanAt(pose(0.1), At(0.1)));
   lidar.Move(pose(0.2), 0.2, At(0.2), kMaxAge);  // It was made half-way.
   lidar.Move(pose(0.25), 0.25, At(0.45), kMaxAge);
   moved.Look(&lidar);
   ASSERT_TRUE(lidar.counts);
-  FieldOfView now(Sensor(), {});
+  FieldOfView now(Sensor());
   const LidarView at_end = ViewOf(ScanAt(pose(0.45), At(0.45)), At(0.45));
   now.Look(&at_end);
   std::mt19937_64 random(2);
@@ -155,7 +155,7 @@ TEST(FieldOfView, ALidarScanKeepsItsPlaceWhileTheVehicleDrives) {
   for (int i = 0; i < kPoints; ++i) {
     const Eigen::Vector2d q(uniform(random), uniform(random));
     apart += std::abs(moved.Probability(q, cov) - now.Probability(q, cov)) > 0.3;
-    occluded += FieldOfView(Sensor(), {}).Probability(q, cov) - now.Probability(q, cov) > 0.5;
+    occluded += FieldOfView(Sensor()).Probability(q, cov) - now.Probability(q, cov) > 0.5;
   }
   // The shadow of the screen as seen from there and from here.
   EXPECT_LT(apart, occluded / 4);
