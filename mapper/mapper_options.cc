@@ -71,7 +71,6 @@ Status MapperOptions::Validate() const {
       {"alignment position_floor_m", alignment.position_floor_m, Range::kPositive},
       {"max_scale_error", alignment.max_scale_error, Range::kNotNegative},
       {"gate_probability", alignment.gate_probability, Range::kProbability},
-      {"max_sd_rotation_rad", alignment.max_sd_rotation_rad, Range::kPositive},
       {"deformed_sd_m", alignment.deformed_sd_m, Range::kPositive},
       {"part_modes", alignment.part_modes, Range::kOneOrMore},
       {"max_pairs", alignment.max_pairs, Range::kOneOrMore},

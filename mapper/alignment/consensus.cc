@@ -20,6 +20,11 @@ constexpr double kMaxAllPairs = 5000.0;
 // Probability that draws of pairs miss a transform that matters.
 constexpr double kMissed = 1e-9;
 
+// What agrees must tell the rotation to this, and to three times of it with any one left out: three
+// signs on one post tell none, and with one that agrees by accident a wrong one. [rad]
+constexpr double kMaxSdRotationRad = 0.1;
+constexpr double kWithoutOne = 3.0;
+
 struct Correspondence {
   LandmarkIndex group;  // Of those that both frames have.
   Eigen::Vector2d reference;
@@ -211,7 +216,6 @@ class Consensus {
   // Whether the rotation is told, and roughly without any one of those that agree, which may by
   // accident.
   bool TellsRotation(const Candidate& candidate) const {
-    constexpr double kWithoutOne = 3.0;  // Times AlignmentOptions::max_sd_rotation_rad.
     const Similarity fit = Fit(candidate);
     const double weights = 1.0 / fit.variance;
     double without_one = fit.spread;
@@ -223,7 +227,7 @@ class Consensus {
       without_one =
           std::min(without_one, fit.spread - squared * weight * weights / (weights - weight));
     }
-    const double variance = options_.max_sd_rotation_rad * options_.max_sd_rotation_rad;
+    const double variance = kMaxSdRotationRad * kMaxSdRotationRad;
     return fit.spread * variance >= 1.0 &&
            without_one * kWithoutOne * kWithoutOne * variance >= 1.0;
   }

@@ -46,10 +46,6 @@ struct AlignmentOptions {
   /// Chi-square probability at which two positions agree.
   double gate_probability = 0.999;
 
-  /// What agrees must tell the rotation to this, and to three times of it with any one left out:
-  /// three signs on one post tell none, and with one that agrees by accident a wrong one. [rad]
-  double max_sd_rotation_rad = 0.1;
-
   /// A run map whose worst mode is known no better than this against the others may be deformed,
   /// and is cut into parts of as many modes: what a vehicle sees within a minute or two. [m]
   double deformed_sd_m = 0.5;

@@ -15,6 +15,9 @@ namespace {
 // Visits of which the chain must be seen at least to say anything of its rates.
 constexpr std::size_t kMinVisits = 2;
 
+// Groups' worth that the usual leave rate counts against the rates of this map's groups.
+constexpr double kUsualGroups = 3.0;
+
 // Far below the spread of a rate that a hundred jumps tell of, 0.1.
 constexpr double kGapResolution = 0.02;
 
@@ -59,7 +62,7 @@ Status AddRhythms(const std::vector<ChainHistory>& histories,
                   const GroupChainOptions& options,
                   std::vector<LearnedChain>* chains,
                   std::vector<double>* gains) {
-  RhythmOptions rhythm = options.rhythm;
+  RhythmOptions rhythm;
   rhythm.gap_resolution = kGapResolution;
   std::vector<Status> learned(histories.size());
   ForEachIndex(histories.size(), options.threads, [&](std::size_t i) {
@@ -87,9 +90,6 @@ Status GroupChainOptions::Validate() const {
   if (!(prior_jumps > 0.0) || !std::isfinite(prior_jumps)) {
     return InvalidArgument("mode chains: prior of {} jumps, expected > 0", prior_jumps);
   }
-  if (!(prior_groups > 0.0) || !std::isfinite(prior_groups)) {
-    return InvalidArgument("mode chains: prior of {} groups, expected > 0", prior_groups);
-  }
   if (!(mistaken_visits >= 0.0 && mistaken_visits < 1.0)) {
     return InvalidArgument("mode chains: {} mistaken visits, expected within [0, 1)",
                            mistaken_visits);
@@ -102,10 +102,7 @@ Status GroupChainOptions::Validate() const {
                              rate.seconds);
     }
   }
-  if (!(interval > 0.0 && interval < 1.0)) {
-    return InvalidArgument("mode chains: interval {}, expected within (0, 1)", interval);
-  }
-  return rhythm.Validate();
+  return OkStatus();
 }
 
 StatusOr<std::vector<GroupChain>> LearnGroupChains(const std::vector<LandmarkGroup>& groups,
@@ -121,8 +118,7 @@ StatusOr<std::vector<GroupChain>> LearnGroupChains(const std::vector<LandmarkGro
   }
   ChainLearningOptions learning;
   learning.prior = {options.prior_jumps, options.prior_jumps / options.leave_rate_per_s};
-  learning.prior_groups = options.prior_groups;
-  learning.interval = options.interval;
+  learning.prior_groups = kUsualGroups;
   learning.gap_resolution = kGapResolution;
   learning.threads = options.threads;
   SHIFTMAP_ASSIGN_OR_RETURN(LearnedChains of_known, LearnChains(known, learning));

@@ -21,9 +21,6 @@ struct GroupChainOptions {
   /// Jumps that the prior counts as; > 0. More keep rates closer to what the groups have in common.
   double prior_jumps = 0.5;
 
-  /// Groups' worth that `leave_rate_per_s` counts against the rates of this map's groups; > 0.
-  double prior_groups = 3.0;
-
   /// Share of visits whose evidence is about something else: a signature misread, a pose off. One
   /// such visit between others that agree is then no pair of jumps within minutes. In [0, 1).
   double mistaken_visits = 1e-3;
@@ -31,11 +28,8 @@ struct GroupChainOptions {
   /// What is stated about single landmarks.
   std::map<Signature, StatedRate> stated;
 
-  double interval = 0.95;  ///< Probability of the intervals; in (0, 1).
-
   /// Whether chains get a rhythm where held-out visits support it, and when they do.
   bool learn_rhythms = true;
-  RhythmOptions rhythm;
 
   /// On which groups are fitted; the result does not depend on them.
   int threads = 1;

@@ -129,11 +129,8 @@ Fits Fit(const ChainSteps& steps,
   Fits fits;
   if (steps.states < 2) return fits;
   const auto fit = [&](ChainStructure structure, const std::optional<RateFit>& start) {
-    return FitRates(steps,
-                    structure,
-                    WithStated(shared, stated, structure, steps.states),
-                    options.fit,
-                    StartAt(start));
+    return FitRates(
+        steps, structure, WithStated(shared, stated, structure, steps.states), StartAt(start));
   };
   if (options.structure != ChainStructure::kGeneral) {
     fits.uniform = fit(ChainStructure::kUniform, before.uniform);
@@ -210,10 +207,6 @@ Status ChainLearningOptions::Validate() const {
     return InvalidArgument("chain learning: {} prior groups", prior_groups);
   if (!(interval > 0.0 && interval < 1.0)) {
     return InvalidArgument("chain learning: interval {}, expected within (0, 1)", interval);
-  }
-  if (fit.max_iterations < 1 || !(fit.tolerance > 0.0)) {
-    return InvalidArgument(
-        "chain learning: {} iterations, tolerance {}", fit.max_iterations, fit.tolerance);
   }
   if (!(gap_resolution >= 0.0)) {
     return InvalidArgument("chain learning: gap resolution {}", gap_resolution);

@@ -29,7 +29,6 @@ struct ChainLearningOptions {
   std::optional<ChainStructure> structure;
 
   double interval = 0.95;  ///< Probability of the intervals; in (0, 1).
-  RateFitOptions fit;
 
   /// Of MakeChainSteps; >= 0.
   double gap_resolution = 0.0;

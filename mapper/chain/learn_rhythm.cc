@@ -17,6 +17,13 @@ namespace {
 constexpr int kMaxIterations = 200;
 constexpr double kTolerance = 1e-3;
 
+// By how much a rhythm has to predict the held-out visits better, and that of the week better than
+// that of the day. [nat]
+constexpr double kMinGain = 3.0;
+
+// Jumps below which a history tells no rhythm.
+constexpr double kMinJumps = 10.0;
+
 constexpr int kHoursOfDay = 24;
 constexpr int kHoursOfWeek = 168;
 
@@ -129,7 +136,6 @@ StatusOr<Rates> PlainRates(const ChainHistory& history,
   return MostProbableRates(MakeChainSteps(seen, {}, learning.gap_resolution),
                            whole.structure,
                            learning.prior,
-                           learning.fit,
                            RateStart{whole.log_rates, whole.covariance});
 }
 
@@ -142,8 +148,6 @@ Status RhythmOptions::Validate() const {
   if (!(held_out > 0.0 && held_out < 1.0)) {
     return InvalidArgument("rhythm: held out {}, expected within (0, 1)", held_out);
   }
-  if (!(min_gain >= 0.0)) return InvalidArgument("rhythm: gain {}, expected >= 0", min_gain);
-  if (!(min_jumps >= 0.0)) return InvalidArgument("rhythm: jumps {}, expected >= 0", min_jumps);
   if (!(gap_resolution >= 0.0)) return InvalidArgument("rhythm: gap resolution {}", gap_resolution);
   return OkStatus();
 }
@@ -172,7 +176,7 @@ StatusOr<LearnedRhythm> LearnRhythm(const ChainHistory& history,
   const auto first =
       static_cast<std::size_t>(static_cast<double>(count) * (1.0 - options.held_out));
   LearnedRhythm result;
-  if (history.states < 2 || whole.jumps < options.min_jumps || first < 2 || count - first < 2 ||
+  if (history.states < 2 || whole.jumps < kMinJumps || first < 2 || count - first < 2 ||
       !Tells(history, first, kRhythmDay)) {
     return result;
   }
@@ -189,10 +193,10 @@ StatusOr<LearnedRhythm> LearnRhythm(const ChainHistory& history,
   if (Tells(history, first, kRhythmWeek)) {
     by_week = cut(kRhythmWeek, kHoursOfWeek);
     const double gain = by_week->Gain(by_week->FitSeen(OfWeek(day), options.weight), plain);
-    takes_week = gain >= std::max(0.0, day_gain) + options.min_gain;
+    takes_week = gain >= std::max(0.0, day_gain) + kMinGain;
     if (takes_week) result.held_out_gain = gain;
   }
-  if (!takes_week && day_gain < options.min_gain) return result;
+  if (!takes_week && day_gain < kMinGain) return result;
   std::vector<Rates> rates =
       by_day.FitAll(std::vector(kHoursOfDay, whole.chain.rate_matrix()), options.weight);
   if (takes_week) rates = by_week->FitAll(OfWeek(rates), options.weight);

@@ -19,13 +19,6 @@ struct RhythmOptions {
   /// Share of the visits, the last ones, that decides; in (0, 1).
   double held_out = 0.3;
 
-  /// By how much a rhythm has to predict these better, and that of the week better than that of the
-  /// day; >= 0. [nat]
-  double min_gain = 3.0;
-
-  /// Jumps below which a history tells no rhythm; >= 0.
-  double min_jumps = 10.0;
-
   /// Of MakeChainSteps; >= 0.
   double gap_resolution = 0.0;
 

@@ -15,6 +15,10 @@
 namespace shiftmap {
 namespace {
 
+// When the search for the rates ends.
+constexpr int kMaxEvaluations = 500;     // Of the history.
+constexpr double kRateTolerance = 1e-7;  // Relative error of a rate, about.
+
 double SecondsOf(const ChainSteps& steps) {
   double seconds = 0.0;
   for (const int gap : steps.gap_of_step) {
@@ -91,15 +95,12 @@ UniformPoint ClimbUniform(
   return at;
 }
 
-RateFit FitUniform(const ChainSteps& steps,
-                   const Gamma& prior,
-                   const RateFitOptions& options,
-                   double start) {
+RateFit FitUniform(const ChainSteps& steps, const Gamma& prior, double start) {
   RateFit fit;
-  int evaluations = options.max_iterations;
-  const UniformPoint at = ClimbUniform(steps, prior, start, options.tolerance, &evaluations);
+  int evaluations = kMaxEvaluations;
+  const UniformPoint at = ClimbUniform(steps, prior, start, kRateTolerance, &evaluations);
   fit.converged = evaluations > 0;
-  fit.iterations = options.max_iterations - evaluations;
+  fit.iterations = kMaxEvaluations - evaluations;
   fit.log_rates = Eigen::VectorXd::Constant(1, at.log_rate);
   fit.chain = ModeChain::Uniform(steps.states - 1, std::exp(at.log_rate));
   fit.log_likelihood = at.likelihood.value;
@@ -111,16 +112,13 @@ RateFit FitUniform(const ChainSteps& steps,
 // The estimate of a quasi-Newton method is no closer than this share of what it is asked for.
 constexpr double kShareOfDistance = 0.3;
 
-RateFit FitGeneral(const ChainSteps& steps,
-                   const Gamma& prior,
-                   const RateFitOptions& options,
-                   const RateStart& start) {
+RateFit FitGeneral(const ChainSteps& steps, const Gamma& prior, const RateStart& start) {
   RateFit fit;
   fit.structure = ChainStructure::kGeneral;
   const RatePosterior posterior(steps, prior);
   // Newton's step squares the distance.
-  const double distance = std::sqrt(options.tolerance);
-  int evaluations = options.max_iterations;
+  const double distance = std::sqrt(kRateTolerance);
+  int evaluations = kMaxEvaluations;
   RatePoint at = posterior.Evaluate(start.log_rates);
   --evaluations;
   Eigen::MatrixXd covariance = start.covariance;
@@ -143,7 +141,7 @@ RateFit FitGeneral(const ChainSteps& steps,
     fit.log_marginal += top.log_posterior - at.log_posterior;
     at = std::move(top);
   } while (!fit.converged && evaluations > 0);
-  fit.iterations = options.max_iterations - evaluations;
+  fit.iterations = kMaxEvaluations - evaluations;
   fit.log_rates = at.log_rates;
   StatusOr<ModeChain> chain = ModeChain::FromRates(posterior.Rates(at.log_rates));
   SHIFTMAP_CHECK(chain.ok(), "rates of a fit: {}", chain.status().ToString());
@@ -197,12 +195,10 @@ Gamma RateFit::PosteriorOfLeaveRate() const {
 RateFit FitRates(const ChainSteps& steps,
                  ChainStructure structure,
                  const Gamma& prior,
-                 const RateFitOptions& options,
                  const std::optional<RateStart>& given_start) {
   const RateStart start = StartOf(steps, structure, prior, given_start);
-  RateFit fit = structure == ChainStructure::kUniform
-                    ? FitUniform(steps, prior, options, start.log_rates(0))
-                    : FitGeneral(steps, prior, options, start);
+  RateFit fit = structure == ChainStructure::kUniform ? FitUniform(steps, prior, start.log_rates(0))
+                                                      : FitGeneral(steps, prior, start);
   fit.seconds = SecondsOf(steps);
   return fit;
 }
@@ -210,20 +206,19 @@ RateFit FitRates(const ChainSteps& steps,
 Eigen::MatrixXd MostProbableRates(const ChainSteps& steps,
                                   ChainStructure structure,
                                   const Gamma& prior,
-                                  const RateFitOptions& options,
                                   const std::optional<RateStart>& given_start) {
   const RateStart start = StartOf(steps, structure, prior, given_start);
-  int evaluations = options.max_iterations;
+  int evaluations = kMaxEvaluations;
   if (structure == ChainStructure::kUniform) {
     const double log_rate =
-        ClimbUniform(steps, prior, start.log_rates(0), options.tolerance, &evaluations).log_rate;
+        ClimbUniform(steps, prior, start.log_rates(0), kRateTolerance, &evaluations).log_rate;
     return ModeChain::Uniform(steps.states - 1, std::exp(log_rate)).rate_matrix();
   }
   const RatePosterior posterior(steps, prior);
   RatePoint at = posterior.Evaluate(start.log_rates);
   Eigen::MatrixXd covariance =
       start.covariance.size() > 0 ? start.covariance : posterior.CompleteCovariance(at);
-  posterior.Climb(kShareOfDistance * std::sqrt(options.tolerance), &at, &covariance, &evaluations);
+  posterior.Climb(kShareOfDistance * std::sqrt(kRateTolerance), &at, &covariance, &evaluations);
   return posterior.Rates(at.log_rates);
 }
 

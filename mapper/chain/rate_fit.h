@@ -16,12 +16,6 @@ enum class ChainStructure {
   kGeneral,  ///< A rate for each pair of states.
 };
 
-/// When the search for the rates ends.
-struct RateFitOptions {
-  int max_iterations = 500;  ///< Evaluations of the history.
-  double tolerance = 1e-7;   ///< Relative error of a rate, about.
-};
-
 /// Where a search begins.
 struct RateStart {
   Eigen::VectorXd log_rates;  ///< log x of every parameter. [log 1/s]
@@ -77,15 +71,13 @@ struct RateFit {
 RateFit FitRates(const ChainSteps& steps,
                  ChainStructure structure,
                  const Gamma& prior,
-                 const RateFitOptions& options,
                  const std::optional<RateStart>& start = std::nullopt);
 
-/// Those rates alone, to the root of the tolerance: without covariance and marginal likelihood the
-/// general structure takes a fraction of the time. Q. [1/s]
+/// Those rates alone, to the root of the relative error: without covariance and marginal likelihood
+/// the general structure takes a fraction of the time. Q. [1/s]
 Eigen::MatrixXd MostProbableRates(const ChainSteps& steps,
                                   ChainStructure structure,
                                   const Gamma& prior,
-                                  const RateFitOptions& options,
                                   const std::optional<RateStart>& start = std::nullopt);
 
 }  // namespace shiftmap

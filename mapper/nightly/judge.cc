@@ -18,6 +18,23 @@
 namespace shiftmap {
 namespace {
 
+// What a map may be worse by and still be published.
+constexpr double kNisMargin = 0.2231;  // Of ln max(1, NIS per degree of freedom): ln 1.25.
+constexpr double kDoubtMargin = 0.05;  // Of the share of time INITIALIZING, LOST or UNKNOWN_CHANGE.
+constexpr double kDecisionMargin = 0.1;  // Of the share of landmarks that are not decided right.
+
+// What a build's squared residuals per observation may grow by from the published one's.
+constexpr double kCostFactor = 2.0;
+
+// A run of the build that fits neither map while the others fit is suspect: it is LOST for more
+// than this share of its time, sees more than this share of landmarks at no place of theirs, or has
+// more NIS per degree of freedom, ...
+constexpr double kSuspectLostShare = 0.15;
+constexpr double kSuspectUngatedShare = 0.15;
+constexpr double kSuspectNis = 3.0;
+constexpr double kSuspectFactor =
+    2.0;  // ... and so many times as much as the median of the others.
+
 // A displacement that chance gives once in so many modes is no chance.
 constexpr double kMovedProbability = 1e-4;
 
@@ -82,7 +99,7 @@ std::vector<double> Differences(const Judgement& judgement,
   return differences;
 }
 
-void Test(const JudgeOptions& options, Judgement* judgement) {
+void Test(Judgement* judgement) {
   struct Measure {
     const char* name;
     const char* words;
@@ -92,19 +109,18 @@ void Test(const JudgeOptions& options, Judgement* judgement) {
   const std::vector<Measure> measures = {
       {"nis",
        "ln NIS per degree of freedom",
-       options.nis_margin,
+       kNisMargin,
        [](const ShiftScore& score) { return std::log(std::max(1.0, score.nis_per_dof())); }},
       {"doubt",
        "share of time INITIALIZING, LOST or UNKNOWN_CHANGE",
-       options.doubt_margin,
+       kDoubtMargin,
        [](const ShiftScore& score) { return score.doubt_share(); }},
       {"decisions",
        "share of landmarks that are not decided for the mode that the mapper found",
-       options.decision_margin,
+       kDecisionMargin,
        [](const ShiftScore& score) { return score.wrong_share(); }}};
   for (const Measure& measure : measures) {
-    const PairedTestResult result =
-        PairedTest(Differences(*judgement, measure.of), {.margin = measure.margin});
+    const PairedTestResult result = PairedTest(Differences(*judgement, measure.of), measure.margin);
     judgement->tests.push_back({measure.name, result});
     if (result.not_worse()) continue;
     judgement->worse.push_back(
@@ -145,7 +161,7 @@ struct SuspectMeasure {
   std::function<std::string(double own, double others)> reason;
 };
 
-std::vector<SuspectMeasure> SuspectMeasures(const JudgeOptions& options) {
+std::vector<SuspectMeasure> SuspectMeasures() {
   const auto share = [](std::string_view before, std::string_view after) {
     return [before, after](double own, double others) {
       return fmt::format("{}{:.0f} % {}, {:.0f} % in the median of the others",
@@ -156,7 +172,7 @@ std::vector<SuspectMeasure> SuspectMeasures(const JudgeOptions& options) {
     };
   };
   return {{[](const ShiftScore& score) { return score.nis_per_dof(); },
-           options.suspect_nis,
+           kSuspectNis,
            1.0,
            [](double own, double others) {
              return fmt::format(
@@ -165,17 +181,17 @@ std::vector<SuspectMeasure> SuspectMeasures(const JudgeOptions& options) {
                  others);
            }},
           {[](const ShiftScore& score) { return score.unlocalized_share(); },
-           options.suspect_lost_share,
+           kSuspectLostShare,
            0.0,
            share("it is lost for ", "of its time")},
           {[](const ShiftScore& score) { return score.ungated_share(); },
-           options.suspect_ungated_share,
+           kSuspectUngatedShare,
            0.0,
            share("", "of its observations fit no place of their landmarks")}};
 }
 
-void FindSuspects(const JudgeOptions& options, Judgement* judgement) {
-  const std::vector<SuspectMeasure> measures = SuspectMeasures(options);
+void FindSuspects(Judgement* judgement) {
+  const std::vector<SuspectMeasure> measures = SuspectMeasures();
   for (const JudgedShift& shift : judgement->shifts) {
     if (!shift.in_build) continue;
     for (const SuspectMeasure& measure : measures) {
@@ -186,8 +202,7 @@ void FindSuspects(const JudgeOptions& options, Judgement* judgement) {
       if (others.empty()) continue;
       const double own = Least(shift, measure.of);
       const double median = Median(others);
-      if (own <= measure.allowed ||
-          own <= options.suspect_factor * std::max(measure.usual, median)) {
+      if (own <= measure.allowed || own <= kSuspectFactor * std::max(measure.usual, median)) {
         continue;
       }
       judgement->suspects.push_back(
@@ -377,16 +392,16 @@ StatusOr<Judgement> Judge(const std::string& area,
   const Replays replays(before, version.rows, on_step);
   SHIFTMAP_RETURN_IF_ERROR(
       ReplayAll(version, logs, static_cast<std::size_t>(options.max_shifts), replays, &judgement));
-  FindSuspects(options, &judgement);
+  FindSuspects(&judgement);
   // One that is built again anyway needs no other judge.
   const bool alone = !AnyShift(judgement, false, false) || logs.refused.count > 0;
   if (before && judgement.suspects.empty() && alone) {
     SHIFTMAP_RETURN_IF_ERROR(ReplayFolds(version, logs, options, build, replays, &judgement));
   }
   judgement.judged_by = BasisOf(judgement);
-  Test(options, &judgement);
+  Test(&judgement);
   if (judgement.cost_before && judgement.cost_after &&
-      *judgement.cost_after > options.cost_factor * std::max(*judgement.cost_before, 1.0)) {
+      *judgement.cost_after > kCostFactor * std::max(*judgement.cost_before, 1.0)) {
     judgement.worse.push_back(fmt::format("cost per observation is {:.2f}, and was {:.2f}",
                                           *judgement.cost_after,
                                           *judgement.cost_before));

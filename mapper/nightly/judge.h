@@ -17,28 +17,13 @@
 
 namespace shiftmap {
 
-/// What a map may be worse by and still be published.
+/// How much work judging a version may be.
 struct JudgeOptions {
   int max_shifts = 12;  ///< That are replayed at most; as many again takes as long again.
 
   /// Builds at most of which each leaves a part of the runs out, where no other shifts judge the
   /// version; together they take about as long as (folds - 1) builds more. Below 2: none.
   int max_folds = 2;
-
-  double nis_margin = 0.2231;    ///< Of ln max(1, NIS per degree of freedom): ln 1.25.
-  double doubt_margin = 0.05;    ///< Of the share of time INITIALIZING, LOST or UNKNOWN_CHANGE.
-  double decision_margin = 0.1;  ///< Of the share of landmarks that are not decided right.
-
-  /// What a build's squared residuals per observation may grow by from the published one's.
-  double cost_factor = 2.0;
-
-  // A run of the build that fits neither map while the others fit is suspect: it is LOST for more
-  // than this share of its time, sees more than this share of landmarks at no place of theirs, or
-  // has more NIS per degree of freedom, ...
-  double suspect_lost_share = 0.15;
-  double suspect_ungated_share = 0.15;
-  double suspect_nis = 3.0;
-  double suspect_factor = 2.0;  ///< ... and so many times as much as the median of the others.
 };
 
 /// A shift on both maps.

@@ -52,7 +52,7 @@ TEST(RateFitTest, OfAPathThatIsSeenThroughoutCountsJumps) {
     }
   }
   const Gamma prior{0.5, 1e4};
-  const RateFit general = FitRates(steps, ChainStructure::kGeneral, prior, {});
+  const RateFit general = FitRates(steps, ChainStructure::kGeneral, prior);
   EXPECT_TRUE(general.converged);
   double marginal = 0.0;
   for (int from = 0; from < 3; ++from) {
@@ -82,7 +82,7 @@ TEST(RateFitTest, UniformRateIsTheLargestOfThePosterior) {
   const ChainHistory history = Simulate(ModeChain::Uniform(2, 5e-5), Every(4e3, 150), 0.05, random);
   const ChainSteps steps = MakeChainSteps(history);
   const Gamma prior{0.5, 5e4};
-  const RateFit fit = FitRates(steps, ChainStructure::kUniform, prior, {});
+  const RateFit fit = FitRates(steps, ChainStructure::kUniform, prior);
   const auto log_posterior = [&](double log_rate) {
     return ExpectChain(steps, {ModeChain::Uniform(2, std::exp(log_rate)).rate_matrix()})
                .log_likelihood +
@@ -112,7 +112,7 @@ TEST(RateFitTest, NoChangeOfTheGeneralRatesIsBetter) {
   std::mt19937_64 random(TestSeed(33));
   const ChainSteps steps = MakeChainSteps(Simulate(ThreeStates(), Every(9e3, 600), 0.02, random));
   const Gamma prior{0.5, 5e4};
-  const RateFit fit = FitRates(steps, ChainStructure::kGeneral, prior, {});
+  const RateFit fit = FitRates(steps, ChainStructure::kGeneral, prior);
   EXPECT_TRUE(fit.converged);
   const auto log_posterior = [&](const Eigen::MatrixXd& rates) {
     double sum = ExpectChain(steps, {rates}).log_likelihood;
@@ -147,9 +147,9 @@ TEST(RateFitTest, WhereTheSearchBeginsDoesNotMatter) {
   const ChainSteps steps = MakeChainSteps(ObservePath(path, 3, stamps, 0.01, random));
   const Gamma prior{0.5, 0.5e5};
   for (const ChainStructure structure : {ChainStructure::kUniform, ChainStructure::kGeneral}) {
-    const RateFit cold = FitRates(steps, structure, prior, {});
+    const RateFit cold = FitRates(steps, structure, prior);
     const RateStart near{cold.log_rates.array() + 0.05, {}};
-    const RateFit warm = FitRates(steps, structure, prior, {}, near);
+    const RateFit warm = FitRates(steps, structure, prior, near);
     EXPECT_LE(warm.iterations, cold.iterations);
     EXPECT_LT((warm.log_rates - cold.log_rates).cwiseAbs().maxCoeff(), 1e-4);
   }
@@ -233,7 +233,7 @@ TEST(RateFitTest, IsTheFixedPointOfExpectationMaximization) {
           MakeChainSteps(Simulate(truth, stamps, 0.02, random), {}, modes == 3 ? 0.02 : 0.0);
       const Gamma prior{0.5, 5e4};
       for (const ChainStructure structure : {ChainStructure::kUniform, ChainStructure::kGeneral}) {
-        const RateFit fit = FitRates(steps, structure, prior, {});
+        const RateFit fit = FitRates(steps, structure, prior);
         const SlowFit slow = FitSlowly(steps, structure, prior);
         EXPECT_TRUE(fit.converged);
         for (int from = 0; from <= modes; ++from) {
@@ -244,7 +244,7 @@ TEST(RateFitTest, IsTheFixedPointOfExpectationMaximization) {
           }
         }
         EXPECT_NEAR(-std::log(fit.covariance.determinant()), slow.log_determinant, 0.02);
-        const Eigen::MatrixXd alone = MostProbableRates(steps, structure, prior, {});
+        const Eigen::MatrixXd alone = MostProbableRates(steps, structure, prior);
         EXPECT_LT((alone.array() / slow.rates.array() - 1.0).abs().maxCoeff(), 1e-3);
       }
     }
@@ -258,7 +258,7 @@ TEST(RateFitTest, WithoutEvidenceThePriorStays) {
   }
   const Gamma prior{0.5, 5e4};
   for (const ChainStructure structure : {ChainStructure::kUniform, ChainStructure::kGeneral}) {
-    const RateFit fit = FitRates(MakeChainSteps(history), structure, prior, {});
+    const RateFit fit = FitRates(MakeChainSteps(history), structure, prior);
     EXPECT_NEAR(fit.chain.leave_rate_per_s(), 1e-5, 1e-9);
     EXPECT_NEAR(fit.Posterior(0).shape, 0.5, 1e-4);
     EXPECT_NEAR(fit.log_likelihood, 0.0, 1e-12);

@@ -10,13 +10,13 @@
 namespace shiftmap {
 namespace {
 
-constexpr PairedTestOptions kOptions{.margin = 1.0};
+constexpr double kMargin = 1.0;
 
 TEST(PairedTest, FollowsItsFormula) {
   // By hand: mean 0.2, squares 0.26, prior 4 · 0.25², 6 degrees of freedom, t = 1.943.
   const std::vector<double> d = {0.2, -0.1, 0.5};
   const double s = std::sqrt((0.18 + 4.0 * 0.0625) / 6.0);
-  const PairedTestResult result = PairedTest(d, kOptions);
+  const PairedTestResult result = PairedTest(d, kMargin);
   EXPECT_NEAR(result.mean, 0.2, 1e-12);
   EXPECT_NEAR(result.upper, 0.2 + 1.94318 * s / std::sqrt(3.0), 1e-5);
 }
@@ -31,7 +31,7 @@ TEST(PairedTest, AMapThatIsWorseByTheMarginPassesAsOftenAsTheLevelSays) {
     for (int night = 0; night < kNights; ++night) {
       std::vector<double> d(static_cast<std::size_t>(shifts));
       for (double& value : d) value = noise(random);
-      passed += PairedTest(d, kOptions).not_worse() ? 1 : 0;
+      passed += PairedTest(d, kMargin).not_worse() ? 1 : 0;
     }
     // The variance known beforehand is smaller than this one, which a few shifts do not outweigh.
     EXPECT_LT(static_cast<double>(passed) / kNights, shifts < 40 ? 0.09 : 0.06) << shifts;
@@ -40,18 +40,18 @@ TEST(PairedTest, AMapThatIsWorseByTheMarginPassesAsOftenAsTheLevelSays) {
 }
 
 TEST(PairedTest, AnHonestNightOfOneShiftPasses) {
-  EXPECT_TRUE(PairedTest(std::vector<double>{0.0}, kOptions).not_worse());
-  EXPECT_FALSE(PairedTest(std::vector<double>{1.0}, kOptions).not_worse());
+  EXPECT_TRUE(PairedTest(std::vector<double>{0.0}, kMargin).not_worse());
+  EXPECT_FALSE(PairedTest(std::vector<double>{1.0}, kMargin).not_worse());
 }
 
 TEST(PairedTest, NoGainOfOneOutweighsTheLossOfTheOthers) {
-  EXPECT_FALSE(PairedTest(std::vector<double>{-1000.0, 1.5, 1.5, 1.5, 1.5}, kOptions).not_worse());
+  EXPECT_FALSE(PairedTest(std::vector<double>{-1000.0, 1.5, 1.5, 1.5, 1.5}, kMargin).not_worse());
 }
 
 TEST(PairedTest, NoShiftAmongManyDecidesAlone) {
   std::vector<double> d(12, 0.0);
   d[3] = 1000.0;
-  EXPECT_TRUE(PairedTest(d, kOptions).not_worse());
+  EXPECT_TRUE(PairedTest(d, kMargin).not_worse());
 }
 
 }  // namespace
