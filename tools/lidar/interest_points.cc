@@ -12,6 +12,14 @@ namespace {
 // The Gaussian is cut off at so many standard deviations.
 constexpr double kReach = 3.0;
 
+// Arc length is measured between hits as far apart, some times the noise of ranges. Smaller, and
+// noise makes dense scans longer and their corners flatter. [m]
+constexpr double kMinStepM = 0.05;
+
+// Behind an edge the farther surface begins so many times further away than the last two hits lie
+// apart. [-]
+constexpr double kMinEdgeJump = 2.0;
+
 // Hits of neighbouring beams on one surface, points[begin, end).
 struct Surface {
   std::size_t begin = 0;
@@ -25,12 +33,10 @@ bool SameSurface(const ScanPoint& a, const ScanPoint& b, double max_gap_m) {
 // Whether a surface ends at `end`, with something farther behind it. On a wall seen at a grazing
 // angle hits lie ever further apart; it does not end where they lie too far apart. A beam without
 // return says nothing of what is beside: glass and dark surfaces give none.
-bool IsEdge(const ScanPoint& inside,
-            const ScanPoint& end,
-            const ScanPoint& beyond,
-            double min_jump) {
+bool IsEdge(const ScanPoint& inside, const ScanPoint& end, const ScanPoint& beyond) {
   return std::abs(beyond.beam - end.beam) == 1 && beyond.range_m > end.range_m &&
-         (beyond.p_lidar - end.p_lidar).norm() > min_jump * (inside.p_lidar - end.p_lidar).norm();
+         (beyond.p_lidar - end.p_lidar).norm() >
+             kMinEdgeJump * (inside.p_lidar - end.p_lidar).norm();
 }
 
 std::vector<Surface> FindSurfaces(const std::vector<ScanPoint>& points, double max_gap_m) {
@@ -59,8 +65,8 @@ double SmallestBend(double response) {
 class Curve {
  public:
   // Where beams lie closer than the noise of their ranges, the way from hit to hit goes back and
-  // forth: it is measured between hits that are `min_step_m` apart, evenly for those in between.
-  Curve(const std::vector<ScanPoint>& points, const Surface& surface, double min_step_m)
+  // forth: it is measured between hits that are kMinStepM apart, evenly for those in between.
+  Curve(const std::vector<ScanPoint>& points, const Surface& surface)
       : points_(points.begin() + static_cast<std::ptrdiff_t>(surface.begin),
                 points.begin() + static_cast<std::ptrdiff_t>(surface.end)),
         arc_(points_.size(), 0.0),
@@ -68,7 +74,7 @@ class Curve {
     std::size_t last = 0;
     for (std::size_t i = 1; i < points_.size(); ++i) {
       const double way = (points_[i].p_lidar - points_[last].p_lidar).norm();
-      if (way < min_step_m && i + 1 < points_.size()) continue;
+      if (way < kMinStepM && i + 1 < points_.size()) continue;
       const double step = way / static_cast<double>(i - last);
       for (; last < i; ++last) {
         arc_[last + 1] = arc_[last] + step;
@@ -142,7 +148,7 @@ void FindEdges(const std::vector<ScanPoint>& points,
                std::vector<InterestPoint>* found) {
   if (surface.end - surface.begin < 2) return;
   const auto take = [&](const ScanPoint& inside, const ScanPoint& end, const ScanPoint& beyond) {
-    if (!IsEdge(inside, end, beyond, options.min_edge_jump)) return;
+    if (!IsEdge(inside, end, beyond)) return;
     const InterestPoint point{end.beam, end.p_lidar, options.base_scale_m, true};
     if (IsNew(point, *found, options)) found->push_back(point);
   };
@@ -178,7 +184,7 @@ std::vector<InterestPoint> DetectInterestPoints(std::span<const double> ranges_m
   const std::vector<Surface> surfaces = FindSurfaces(points, options.max_gap_m);
   std::vector<Curve> curves;
   for (const Surface& surface : surfaces) {
-    curves.emplace_back(points, surface, options.min_step_m);
+    curves.emplace_back(points, surface);
   }
   const double min_bend = SmallestBend(options.min_response);
   std::vector<InterestPoint> found;

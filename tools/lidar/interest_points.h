@@ -29,16 +29,9 @@ struct InterestPointOptions {
   /// Neighbouring beams that hit further apart than this hit two surfaces. [m]
   double max_gap_m = 0.25;
 
-  /// Arc length is measured between hits as far apart, some times the noise of ranges. Smaller, and
-  /// noise makes dense scans longer and their corners flatter. [m]
-  double min_step_m = 0.05;
-
   /// Also take where a surface ends before a farther one. The shadow's edge on the farther one
   /// moves with the vehicle and is never taken.
   bool edges = true;
-
-  /// The farther one begins so many times further away than the last two hits lie apart. [-]
-  double min_edge_jump = 2.0;
 
   /// Errors: kInvalidArgument naming the first member out of range.
   Status Validate() const;

@@ -15,6 +15,11 @@ namespace {
 
 enum Stream { kMotion, kOdometry, kTags, kLidars };
 
+// A point gets the signature of a corner of the site within this of the corner's true place, in x
+// and in y, by the true pose; the nearest one if there are several. T-IV IX-B takes boxes drawn by
+// hand. [m]
+constexpr double kCornerBoxM = 0.5;
+
 class DriveSimulator {
  public:
   DriveSimulator(const MineSite& site,
@@ -119,7 +124,7 @@ class DriveSimulator {
       const auto mode = static_cast<std::size_t>(drive_.simulated.active_mode[g].value() - 1);
       const Eigen::Vector2d& corner = site_.groups[g].modes[mode];
       Observation* nearest = nullptr;
-      double least = options_.corner_box_m;
+      double least = kCornerBoxM;
       for (std::size_t i = first_point; i < scan->observations.size(); ++i) {
         const Eigen::Vector2d p = T_map_vehicle * scan->observations[i].z;
         const double distance = (p - corner).lpNorm<Eigen::Infinity>();
@@ -148,7 +153,6 @@ class DriveSimulator {
 Status MineDriveOptions::Validate() const {
   SHIFTMAP_RETURN_IF_ERROR(loader.Validate());
   SHIFTMAP_RETURN_IF_ERROR(CheckPositive("speed", driver.speed_mps));
-  SHIFTMAP_RETURN_IF_ERROR(CheckPositive("look ahead", driver.look_ahead_m));
   SHIFTMAP_RETURN_IF_ERROR(CheckPositive("legs", driver.legs));
   SHIFTMAP_RETURN_IF_ERROR(CheckPositive("longest drive", max_duration_s));
   SHIFTMAP_RETURN_IF_ERROR(CheckPositive("odometry rate", odometry_rate_hz));
@@ -160,8 +164,7 @@ Status MineDriveOptions::Validate() const {
   SHIFTMAP_RETURN_IF_ERROR(CheckLandmarkSensor(tag_sensor));
   SHIFTMAP_RETURN_IF_ERROR(CheckNotNegative("clutter per scan", clutter_per_scan));
   for (const SimulatedLidar& lidar : lidars) SHIFTMAP_RETURN_IF_ERROR(lidar.Validate());
-  SHIFTMAP_RETURN_IF_ERROR(front_end.Validate());
-  return CheckNotNegative("corner box", corner_box_m);
+  return front_end.Validate();
 }
 
 Status CheckPath(const std::vector<Eigen::Vector2d>& path, const std::vector<Wall>& rock) {

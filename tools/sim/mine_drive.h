@@ -65,11 +65,6 @@ struct MineDriveOptions {
   LidarFrontEndOptions front_end{
       .sensor = {}, .points = {.max_gap_m = 0.5}, .max_point_range_m = 20.0};
 
-  /// A point gets the signature of a corner of the site within this of the corner's true place, in
-  /// x and in y, by the true pose; the nearest one if there are several. T-IV IX-B takes boxes
-  /// drawn by hand. [m]
-  double corner_box_m = 0.5;
-
   /// Errors: kInvalidArgument naming the first member out of range.
   Status Validate() const;
 };

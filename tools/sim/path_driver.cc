@@ -9,6 +9,9 @@
 namespace shiftmap {
 namespace {
 
+// To the point that is steered at; larger is smoother. [m]
+constexpr double kLookAheadM = 5.0;
+
 // The end of a leg is reached this close to it.
 constexpr double kArrivalM = 0.3;
 
@@ -61,7 +64,7 @@ std::optional<LoaderCommand> PathDriver::Drive(const Se2& T_map_vehicle, double 
   }
   const double sign = leg_ % 2 == 0 ? 1.0 : -1.0;
   // Past an end of the path the point that is steered at lies on its extension.
-  const double at = progress_m_ + sign * options_.look_ahead_m;
+  const double at = progress_m_ + sign * kLookAheadM;
   const double inside = std::clamp(at, 0.0, length_m_);
   const std::size_t last = path_.size() - 1;
   const Eigen::Vector2d ahead = sign > 0.0 ? path_[last] - path_[last - 1] : path_[0] - path_[1];

@@ -12,10 +12,9 @@
 namespace shiftmap {
 
 struct PathDriverOptions {
-  double speed_mps = 2.0;     ///< Top speed, > 0. [m/s]
-  double look_ahead_m = 5.0;  ///< To the point that is steered at; larger is smoother. > 0. [m]
-  bool from_end = false;      ///< Starts at the end of the path, towards its start.
-  int legs = 2;               ///< Drives along the path, > 0: there, backwards to its start, ...
+  double speed_mps = 2.0;  ///< Top speed, > 0. [m/s]
+  bool from_end = false;   ///< Starts at the end of the path, towards its start.
+  int legs = 2;            ///< Drives along the path, > 0: there, backwards to its start, ...
 };
 
 /// Drives a loader along a polyline by pure pursuit (R. C. Coulter: Implementation of the pure

@@ -9,6 +9,10 @@
 namespace shiftmap {
 namespace {
 
+constexpr double kTurnRadps = 0.8;  // Top yaw rate. [rad/s]
+constexpr double kAccelerationMps2 = 1.0;
+constexpr double kTurnAccelerationRadps2 = 2.0;
+
 // Steers at this yaw rate per radian that the waypoint is off. [1/s]
 constexpr double kSteeringGain = 1.2;
 
@@ -52,12 +56,10 @@ Velocity WaypointDriver::Drive(const Se2& T_map_vehicle, double seconds) {
     q = T_map_vehicle.Inverse() * waypoint_;
   }
   const double heading = std::atan2(q.y(), q.x());
-  const double turn =
-      std::clamp(kSteeringGain * heading, -options_.turn_radps, options_.turn_radps);
+  const double turn = std::clamp(kSteeringGain * heading, -kTurnRadps, kTurnRadps);
   const double speed = options_.speed_mps * std::max(kSlowest, std::cos(heading));
-  velocity_.v_mps = Approach(velocity_.v_mps, speed, options_.acceleration_mps2 * seconds);
-  velocity_.omega_radps =
-      Approach(velocity_.omega_radps, turn, options_.turn_acceleration_radps2 * seconds);
+  velocity_.v_mps = Approach(velocity_.v_mps, speed, kAccelerationMps2 * seconds);
+  velocity_.omega_radps = Approach(velocity_.omega_radps, turn, kTurnAccelerationRadps2 * seconds);
   return velocity_;
 }
 

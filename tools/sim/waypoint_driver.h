@@ -10,11 +10,8 @@
 namespace shiftmap {
 
 struct WaypointDriverOptions {
-  double size_m = 40.0;     ///< Waypoints lie in [0, size]². [m]
-  double speed_mps = 1.5;   ///< Top speed. [m/s]
-  double turn_radps = 0.8;  ///< Top yaw rate. [rad/s]
-  double acceleration_mps2 = 1.0;
-  double turn_acceleration_radps2 = 2.0;
+  double size_m = 40.0;    ///< Waypoints lie in [0, size]². [m]
+  double speed_mps = 1.5;  ///< Top speed. [m/s]
 };
 
 /// Drives smoothly from one random waypoint to the next.

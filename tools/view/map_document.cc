@@ -24,6 +24,13 @@ namespace {
 
 constexpr int kFormat = 1;
 
+// They keep the page of a map with 10,000 modes below 5 MB.
+constexpr std::int64_t kMaxVersions = 12;    // The newest, and the one that is shown first.
+constexpr std::int64_t kMaxModes = 30'000;   // Of all versions; that one always goes in.
+constexpr std::int64_t kMaxVisits = 20'000;  // Of all landmarks; the newest.
+constexpr std::int64_t kMaxPoints = 30'000;  // Of all probabilities over time; the newest.
+constexpr std::size_t kMaxPoses = 60'000;    // Of all trajectories, which are thinned.
+
 Json ProbabilitiesJson(const Eigen::VectorXd& probabilities) {
   Json json = Json::array();
   for (const double p : probabilities) json.push_back(Scaled(p, 1e-4));
@@ -62,13 +69,13 @@ Json FreeNetworkJson(const FreeMap& free) {
 }
 
 // Moves LandmarkTracks::since on until at most so many points begin after it.
-void DropOldest(std::int64_t max_points, LandmarkTracks* tracks) {
+void DropOldest(LandmarkTracks* tracks) {
   std::vector<Stamp> begins;
   for (const std::vector<TrackPoint>& points : tracks->points) {
     for (const TrackPoint& point : points) begins.push_back(point.begin);
   }
-  if (static_cast<std::int64_t>(begins.size()) <= max_points) return;
-  const auto cut = begins.end() - std::max<std::int64_t>(1, max_points);
+  if (static_cast<std::int64_t>(begins.size()) <= kMaxPoints) return;
+  const auto cut = begins.end() - kMaxPoints;
   std::nth_element(begins.begin(), cut, begins.end());
   tracks->since = std::max(tracks->since, *cut);
   for (std::vector<TrackPoint>& points : tracks->points) {
@@ -188,7 +195,7 @@ StatusOr<Json> DocumentWriter::MapsJson() {
   const auto add = [&](VersionNumber version, Stamp stamp) -> Status {
     SHIFTMAP_ASSIGN_OR_RETURN(const MapSnapshot map, Load(version, stamp));
     modes += map.covariance().size();
-    if (modes > options_.max_modes) {
+    if (modes > kMaxModes) {
       ++versions_left_out_;
       return OkStatus();
     }
@@ -203,8 +210,7 @@ StatusOr<Json> DocumentWriter::MapsJson() {
   };
   for (auto version = versions_.rbegin(); version != versions_.rend(); ++version) {
     if (version->version == shown_ || !version->content_stored) continue;
-    if (modes > options_.max_modes ||
-        static_cast<std::int64_t>(maps.size()) >= options_.max_versions) {
+    if (modes > kMaxModes || static_cast<std::int64_t>(maps.size()) >= kMaxVersions) {
       ++versions_left_out_;
       continue;
     }
@@ -268,10 +274,9 @@ Json DocumentWriter::VisitJson(const LandmarkVisit& visit, Stamp origin) {
 
 // How the probabilities of the shown version go, and the visits that make them.
 Status DocumentWriter::AddTracks(Json* document) {
-  SHIFTMAP_ASSIGN_OR_RETURN(
-      LandmarkTracks tracks,
-      store_->LoadTracks(area_, {shown_, options_.max_visits, options_.known}));
-  DropOldest(options_.max_points, &tracks);
+  SHIFTMAP_ASSIGN_OR_RETURN(LandmarkTracks tracks,
+                            store_->LoadTracks(area_, {shown_, kMaxVisits, options_.known}));
+  DropOldest(&tracks);
   Stamp origin = tracks.since > Stamp::min() ? tracks.since : Stamp::max();
   for (const auto& points : tracks.points) {
     if (points.size() > 1) origin = std::min(origin, points[1].begin);
@@ -331,8 +336,7 @@ StatusOr<Json> DocumentWriter::RunsJson() {
   std::sort(runs.begin(), runs.end(), [](const auto& a, const auto& b) {
     return a.second.begin < b.second.begin;
   });
-  const auto bound = static_cast<std::size_t>(std::max<std::int64_t>(1, options_.max_poses));
-  const std::size_t stride = std::max<std::size_t>(1, (poses + bound - 1) / bound);
+  const std::size_t stride = std::max<std::size_t>(1, (poses + kMaxPoses - 1) / kMaxPoses);
   Json json = Json::array();
   for (const auto& [mapped_by, run] : runs) json.push_back(RunJson(run, mapped_by, stride));
   return json;

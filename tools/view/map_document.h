@@ -13,7 +13,7 @@
 
 namespace shiftmap {
 
-/// What of an area the page gets. The bounds keep the page of a map with 10,000 modes below 5 MB.
+/// What of an area the page gets.
 struct MapDocumentOptions {
   /// The one that is shown first; nothing: the published one.
   std::optional<VersionNumber> version = std::nullopt;
@@ -26,12 +26,6 @@ struct MapDocumentOptions {
 
   /// A file that `shiftmap-localizer run --recording` wrote.
   std::optional<std::string> replay = std::nullopt;
-
-  std::int64_t max_versions = 12;    ///< The newest, and `version`.
-  std::int64_t max_modes = 30'000;   ///< Of all versions; that of `version` always goes in.
-  std::int64_t max_visits = 20'000;  ///< Of all landmarks; the newest.
-  std::int64_t max_points = 30'000;  ///< Of all probabilities over time; the newest.
-  std::int64_t max_poses = 60'000;   ///< Of all trajectories, which are thinned.
 
   /// Of all chains with a rhythm; those beyond are shown with their mean rates.
   std::int64_t max_rhythm_rates = 100'000;

@@ -13,6 +13,9 @@
 namespace shiftmap {
 namespace {
 
+constexpr std::size_t kMaxSteps = 20'000;  // Poses of a longer shift are thinned.
+constexpr std::size_t kMaxHypotheses = 5;  // The heaviest of each sample.
+
 void Move(const Se2& T_new_old, ShiftRecording* recording) {
   for (live::PoseEvent& pose : recording->poses) {
     pose.pose.T_map_vehicle = T_new_old * pose.pose.T_map_vehicle;
@@ -55,7 +58,7 @@ Json StepsJson(const ShiftRecording& recording, Stamp origin, std::size_t stride
   return json;
 }
 
-Json HypothesesJson(const ShiftRecording& recording, Stamp origin, std::size_t max_hypotheses) {
+Json HypothesesJson(const ShiftRecording& recording, Stamp origin) {
   Json json = Json::array();
   for (const HypothesesSample& sample : recording.hypotheses) {
     std::vector<HypothesisView::Node> leaves;
@@ -65,7 +68,7 @@ Json HypothesesJson(const ShiftRecording& recording, Stamp origin, std::size_t m
     std::stable_sort(leaves.begin(), leaves.end(), [](const auto& a, const auto& b) {
       return a.probability > b.probability;
     });
-    leaves.resize(std::min(leaves.size(), max_hypotheses));
+    leaves.resize(std::min(leaves.size(), kMaxHypotheses));
     Json row = {Milliseconds(sample.stamp, origin), sample.view.leaves};
     for (const HypothesisView::Node& leaf : leaves) {
       row.insert(row.end(),
@@ -122,14 +125,14 @@ StatusOr<Json> ReplayJson(const std::string& path,
   if (frame != options.frames.end()) Move(frame->second, &recording);
   Stamp origin = recording.poses.front().stamp;
   if (!recording.states.empty()) origin = std::min(origin, recording.states.front().stamp);
-  const std::size_t stride = (recording.poses.size() + options.max_steps - 1) / options.max_steps;
+  const std::size_t stride = (recording.poses.size() + kMaxSteps - 1) / kMaxSteps;
   return Json{{"vehicle", InertLine(shift.vehicle)},
               {"run", InertLine(shift.run_uuid)},
               {"version", shift.version.value()},
               {"truncation", InertLine(recording.truncation)},
               {"origin_s", ToSecondsSinceEpoch(origin)},
               {"steps", StepsJson(recording, origin, stride)},
-              {"hypotheses", HypothesesJson(recording, origin, options.max_hypotheses)},
+              {"hypotheses", HypothesesJson(recording, origin)},
               {"states", StatesJson(recording, origin)},
               {"decisions", DecisionsJson(recording, origin, options.aliases, signatures)}};
 }

@@ -14,9 +14,6 @@
 namespace shiftmap {
 
 struct ReplayOptions {
-  std::size_t max_steps = 20'000;  ///< Poses of a longer shift are thinned.
-  std::size_t max_hypotheses = 5;  ///< The heaviest of each sample.
-
   /// T_shown_version of earlier versions that a shift may have driven on; others lie as the one
   /// that is shown.
   std::map<VersionNumber, Se2> frames = {};
