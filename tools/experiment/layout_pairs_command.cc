@@ -13,7 +13,6 @@
 #include <utility>
 #include <vector>
 
-#include "mapper/alignment/enumerate_hypotheses.h"
 #include "mapper/alignment/explain_alignment.h"
 #include "mapper/calibration/noise_calibration.h"
 #include "mapper/frontend/mapping_run.h"
@@ -23,6 +22,7 @@
 #include "mapper/run_maps/variance_factor.h"
 #include "mapstore/run/trajectory.h"
 #include "tools/convert/utias.h"
+#include "tools/experiment/enumerate_hypotheses.h"
 #include "tools/experiment/experiment_output.h"
 
 namespace shiftmap {

@@ -14,9 +14,9 @@
 #include <random>
 #include <vector>
 
-#include "mapper/alignment/enumerate_hypotheses.h"
 #include "mapper/rows.h"
 #include "tests/support/random_map.h"
+#include "tools/experiment/enumerate_hypotheses.h"
 
 namespace shiftmap {
 namespace {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "mapper/alignment/enumerate_hypotheses.h"
+#include "tools/experiment/enumerate_hypotheses.h"
 
 #include <algorithm>
 #include <cmath>
