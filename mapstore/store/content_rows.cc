@@ -12,6 +12,20 @@
 namespace shiftmap {
 namespace {
 
+// Into a statement for a version, an index within it, and the columns of ReadMode.
+Status InsertMode(std::int64_t version_id, std::int64_t index, const Mode& mode, Statement* row) {
+  row->Bind(version_id,
+            index,
+            mode.number.value(),
+            mode.p_map_landmark.x(),
+            mode.p_map_landmark.y(),
+            mode.cov_p_map_landmark(0, 0),
+            mode.cov_p_map_landmark(0, 1),
+            mode.cov_p_map_landmark(1, 1),
+            ToNanoseconds(mode.last_seen));
+  return row->Execute();
+}
+
 Status InsertGroups(Database& database, std::int64_t version_id, const MapContent& content) {
   SHIFTMAP_ASSIGN_OR_RETURN(
       Statement group_row,
@@ -27,16 +41,7 @@ Status InsertGroups(Database& database, std::int64_t version_id, const MapConten
     group_row.Bind(version_id, group_index, group.signature.text(), group.chain.leave_rate_per_s());
     SHIFTMAP_RETURN_IF_ERROR(group_row.Execute());
     for (const Mode& mode : group.modes) {
-      mode_row.Bind(version_id,
-                    group_index,
-                    mode.number.value(),
-                    mode.p_map_landmark.x(),
-                    mode.p_map_landmark.y(),
-                    mode.cov_p_map_landmark(0, 0),
-                    mode.cov_p_map_landmark(0, 1),
-                    mode.cov_p_map_landmark(1, 1),
-                    ToNanoseconds(mode.last_seen));
-      SHIFTMAP_RETURN_IF_ERROR(mode_row.Execute());
+      SHIFTMAP_RETURN_IF_ERROR(InsertMode(version_id, group_index, mode, &mode_row));
     }
     ++group_index;
   }
@@ -109,16 +114,7 @@ Status InsertAnonymous(Database& database,
                        "VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9)"));
   std::int64_t index = 0;
   for (const Mode& landmark : landmarks) {
-    row.Bind(version_id,
-             index++,
-             landmark.number.value(),
-             landmark.p_map_landmark.x(),
-             landmark.p_map_landmark.y(),
-             landmark.cov_p_map_landmark(0, 0),
-             landmark.cov_p_map_landmark(0, 1),
-             landmark.cov_p_map_landmark(1, 1),
-             ToNanoseconds(landmark.last_seen));
-    SHIFTMAP_RETURN_IF_ERROR(row.Execute());
+    SHIFTMAP_RETURN_IF_ERROR(InsertMode(version_id, index++, landmark, &row));
   }
   return OkStatus();
 }
