@@ -2,7 +2,6 @@
 #include "localizer/localizer.h"
 
 #include <algorithm>
-#include <cmath>
 #include <utility>
 #include <variant>
 

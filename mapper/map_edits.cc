@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "mapper/map_edits.h"
 
-#include <algorithm>
-
 #include "mapstore/map/edited_map.h"
 #include "mapstore/map/frame_change.h"
 

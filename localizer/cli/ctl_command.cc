@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <chrono>
-#include <functional>
 #include <iostream>
 #include <map>
 #include <memory>
@@ -11,7 +10,6 @@
 #include <optional>
 #include <string>
 #include <thread>
-#include <utility>
 
 #include "localizer/cli/commands.h"
 #include "localizer/cli/hypothesis_json.h"

@@ -7,7 +7,6 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
-#include <utility>
 
 #include "localizer/cli/commands.h"
 #include "localizer/cli/localizer_arguments.h"

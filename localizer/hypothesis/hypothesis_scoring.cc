@@ -3,7 +3,6 @@
 // How observations and misses weigh the leaves, T-IV (20) and (22-24).
 #include <algorithm>
 #include <cmath>
-#include <utility>
 
 #include "localizer/hypothesis/body_prior.h"
 #include "localizer/hypothesis/hypothesis_bank.h"

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "localizer/hypothesis/sequential_test.h"
 
-#include <algorithm>
 #include <cmath>
 
 #include "localizer/hypothesis/log_math.h"

@@ -2,7 +2,6 @@
 #include "localizer/live/fleet_actions.h"
 
 #include <algorithm>
-#include <string_view>
 
 #include "mapstore/codec/shift_report.h"
 #include "mapstore/map/shift_report_check.h"

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "localizer/live/framing.h"
 
-#include <cstdint>
-
 #include "proto/core/check.h"
 
 namespace shiftmap::live {

@@ -2,7 +2,6 @@
 //
 // What a service does for the fleet's control: maps that change, a pose that is set, and its state.
 #include <algorithm>
-#include <cmath>
 #include <utility>
 
 #include "localizer/live/service.h"

@@ -3,7 +3,6 @@
 
 #include <Eigen/Core>
 #include <numbers>
-#include <vector>
 
 #include "mapper/alignment/consensus.h"
 #include "mapper/alignment/match_set.h"

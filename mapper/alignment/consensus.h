@@ -3,7 +3,6 @@
 
 #include <Eigen/Core>
 #include <algorithm>
-#include <concepts>
 #include <optional>
 #include <vector>
 

@@ -4,9 +4,7 @@
 #include <fmt/format.h>
 
 #include <cmath>
-#include <cstddef>
 #include <numbers>
-#include <vector>
 
 #include "mapper/frontend/frame_motions.h"
 #include "mapstore/geometry/angle.h"

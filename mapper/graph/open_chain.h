@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <vector>
-
 #include "mapper/graph/graph.h"
 #include "mapper/graph/graph_step.h"
 

@@ -3,7 +3,6 @@
 #include <memory>
 #include <optional>
 #include <random>
-#include <utility>
 
 #include "mapper/graph/ceres_posterior.h"
 #include "mapper/graph/graph.h"

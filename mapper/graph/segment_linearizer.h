@@ -4,7 +4,6 @@
 #include <Eigen/Core>
 #include <cmath>
 #include <cstddef>
-#include <vector>
 
 #include "mapper/graph/graph.h"
 #include "mapper/graph/graph_segments.h"

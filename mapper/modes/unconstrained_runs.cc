@@ -2,7 +2,6 @@
 #include "mapper/modes/unconstrained_runs.h"
 
 #include <algorithm>
-#include <cstddef>
 #include <memory>
 #include <string>
 #include <utility>

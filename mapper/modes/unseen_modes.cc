@@ -2,7 +2,6 @@
 #include "mapper/modes/unseen_modes.h"
 
 #include <algorithm>
-#include <cstddef>
 #include <map>
 #include <set>
 #include <tuple>

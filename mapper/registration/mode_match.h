@@ -5,7 +5,6 @@
 #include <limits>
 #include <optional>
 #include <set>
-#include <vector>
 
 #include "mapper/alignment/consensus.h"
 #include "mapper/state/build_state.h"

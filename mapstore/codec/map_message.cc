@@ -6,8 +6,6 @@
 #include <google/protobuf/text_format.h>
 #include <google/protobuf/util/json_util.h>
 
-#include <utility>
-
 #include "mapstore/codec/map_proto.h"
 #include "mapstore/codec/parse_proto.h"
 

@@ -5,7 +5,6 @@
 #include <memory>
 #include <optional>
 #include <string>
-#include <vector>
 
 #include "mapstore/run/run.h"
 #include "proto/core/status.h"

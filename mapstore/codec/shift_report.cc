@@ -4,7 +4,6 @@
 #include <uuid/uuid.h>
 
 #include <array>
-#include <utility>
 
 #include "mapstore/codec/parse_proto.h"
 #include "mapstore/core/atomic_file.h"

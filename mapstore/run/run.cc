@@ -3,9 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdint>
 #include <iterator>
-#include <type_traits>
 
 #include "mapstore/core/magnitude.h"
 #include "mapstore/core/stamp_check.h"

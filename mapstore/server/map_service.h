@@ -3,9 +3,7 @@
 // The calls of proto/map_server.proto. Inside server/ only: it is for generated types.
 #pragma once
 
-#include <atomic>
 #include <functional>
-#include <memory>
 #include <mutex>
 #include <set>
 #include <string>

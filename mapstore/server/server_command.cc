@@ -11,8 +11,6 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
-#include <string_view>
-#include <utility>
 
 #include "mapstore/cli/input_options.h"
 #include "mapstore/core/blocked_signals.h"

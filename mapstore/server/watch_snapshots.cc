@@ -4,7 +4,6 @@
 #include <chrono>
 #include <mutex>
 #include <optional>
-#include <utility>
 
 #include "mapstore/server/codec/map_service_codec.h"
 #include "mapstore/server/map_service.h"

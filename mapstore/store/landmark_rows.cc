@@ -2,7 +2,6 @@
 #include "mapstore/store/landmark_rows.h"
 
 #include <algorithm>
-#include <optional>
 #include <string_view>
 #include <tuple>
 #include <unordered_map>

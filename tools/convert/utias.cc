@@ -3,7 +3,6 @@
 
 #include <filesystem>
 #include <unordered_map>
-#include <utility>
 
 #include "tools/convert/decimal.h"
 #include "tools/convert/text_table.h"

@@ -2,7 +2,6 @@
 #include "tools/convert/victoria_park.h"
 
 #include <cmath>
-#include <filesystem>
 #include <functional>
 #include <numbers>
 #include <optional>

@@ -7,7 +7,6 @@
 #include <numeric>
 #include <optional>
 #include <unordered_map>
-#include <utility>
 
 #include "mapstore/core/quantile.h"
 #include "mapstore/run/trajectory.h"

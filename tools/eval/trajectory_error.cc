@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tools/eval/trajectory_error.h"
 
-#include <algorithm>
 #include <cmath>
 #include <numeric>
 #include <vector>

@@ -3,7 +3,6 @@
 
 #include <Eigen/Core>
 #include <string>
-#include <string_view>
 #include <vector>
 
 #include "mapstore/map/landmark_group.h"

@@ -4,7 +4,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cmath>
 
 #include "tools/plot/palette.h"
 #include "tools/plot/ticks.h"

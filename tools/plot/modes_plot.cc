@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <array>
-#include <cmath>
 
 #include "mapstore/core/clock.h"
 #include "mapstore/core/count_text.h"

@@ -8,7 +8,6 @@
 #include <cstdint>
 #include <iterator>
 #include <numbers>
-#include <optional>
 
 #include "mapstore/core/inert_text.h"
 #include "mapstore/core/utf8.h"

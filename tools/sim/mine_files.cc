@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tools/sim/mine_files.h"
 
-#include <algorithm>
-
 #include "mapstore/core/atomic_file.h"
 #include "tools/plot/svg.h"
 

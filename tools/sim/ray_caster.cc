@@ -2,7 +2,6 @@
 #include "tools/sim/ray_caster.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <optional>
 

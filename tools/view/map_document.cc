@@ -2,7 +2,6 @@
 #include "tools/view/map_document.h"
 
 #include <algorithm>
-#include <cmath>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <set>

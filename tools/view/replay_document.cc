@@ -2,7 +2,6 @@
 #include "tools/view/replay_document.h"
 
 #include <algorithm>
-#include <cstdint>
 #include <nlohmann/json.hpp>
 #include <vector>
 

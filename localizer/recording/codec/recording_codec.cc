@@ -5,7 +5,6 @@
 
 #include <cmath>
 #include <set>
-#include <utility>
 
 #include "localizer/live/codec/hypothesis_codec.h"
 #include "localizer/live/codec/proto_values.h"

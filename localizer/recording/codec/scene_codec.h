@@ -7,7 +7,6 @@
 #include <span>
 #include <string>
 #include <utility>
-#include <vector>
 
 #include "mapstore/core/stamp.h"
 #include "mapstore/geometry/covariance.h"

@@ -5,7 +5,6 @@
 #include <fastcdr/FastBuffer.h>
 #include <fastcdr/exceptions/Exception.h>
 
-#include <array>
 #include <utility>
 
 namespace shiftmap::rosbag2 {

@@ -2,11 +2,9 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <map>
 #include <optional>
 #include <string>
 #include <string_view>
-#include <utility>
 #include <vector>
 
 #include "mapstore/core/ids.h"

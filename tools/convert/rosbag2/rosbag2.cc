@@ -3,9 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
-#include <functional>
 #include <set>
-#include <tuple>
 #include <utility>
 
 #include "mapstore/core/memory_bound.h"

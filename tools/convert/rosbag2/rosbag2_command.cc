@@ -1,10 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tools/convert/rosbag2/rosbag2_command.h"
 
-#include <array>
 #include <memory>
 #include <nlohmann/json.hpp>
-#include <numbers>
 
 #include "mapstore/codec/run_log.h"
 #include "tools/convert/decimal.h"
