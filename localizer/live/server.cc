@@ -12,6 +12,7 @@
 #include <iterator>
 #include <utility>
 
+#include "localizer/live/client_places.h"
 #include "localizer/live/codec/live_codec.h"
 #include "localizer/live/unix_socket.h"
 #include "mapstore/core/blocked_signals.h"

@@ -6,7 +6,6 @@
 #include <string>
 #include <vector>
 
-#include "localizer/live/client_places.h"
 #include "localizer/live/connection.h"
 #include "localizer/live/service.h"
 #include "mapstore/core/owned_fd.h"

@@ -14,7 +14,6 @@
 #include "localizer/live/journal_file.h"
 #include "localizer/live/messages.h"
 #include "localizer/live/resume_mark.h"
-#include "localizer/live/saved_pose.h"
 #include "localizer/live/shift.h"
 #include "localizer/live/shift_logs.h"
 #include "localizer/live/time_line_watch.h"

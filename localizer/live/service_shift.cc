@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "localizer/live/codec/journal_codec.h"
+#include "localizer/live/saved_pose.h"
 #include "localizer/live/service.h"
 #include "mapstore/codec/shift_report.h"
 

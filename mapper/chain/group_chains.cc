@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "mapper/chain/chain_history.h"
+#include "mapper/chain/learn_rhythm.h"
 #include "mapper/parallel.h"
 #include "mapstore/map/mistake_probabilities.h"
 

@@ -6,7 +6,6 @@
 
 #include "mapper/chain/chain_history.h"
 #include "mapper/chain/learn_chain.h"
-#include "mapper/chain/learn_rhythm.h"
 #include "mapstore/map/landmark_group.h"
 #include "mapstore/map/mode_filter.h"
 #include "proto/core/status.h"

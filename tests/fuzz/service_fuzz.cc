@@ -10,6 +10,7 @@
 
 #include "localizer/live/codec/journal_codec.h"
 #include "localizer/live/codec/live_codec.h"
+#include "localizer/live/saved_pose.h"
 #include "mapstore/codec/shift_report.h"
 #include "mapstore/map_store.h"
 #include "proto/core/check.h"
