@@ -207,8 +207,9 @@ TEST_F(FleetLinksTest, OverCutLinksAndThroughKillsEveryReportCountsOnceAndEveryF
     lost_answers += vehicle.lost_answers;
     tries += vehicle.tries;
   }
-  // The links were bad, and answers were lost after the server had committed.
-  EXPECT_GT(10 * link.cuts(), 3 * link.connections());
+  // The links were bad, and answers were lost after the server had committed. How many connections
+  // there are depends on the time of the kills.
+  EXPECT_GT(2 * link.cuts(), vehicles);
   EXPECT_GT(tries, vehicles);
   if (LongForm()) {
     EXPECT_GT(lost_answers, 0);
