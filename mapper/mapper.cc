@@ -149,6 +149,24 @@ Status NameAnonymous(const MapperOptions& options, Watch* watch, std::vector<Map
   return OkStatus();
 }
 
+// Why a run that is mapped by itself is not used; empty if it is.
+std::string ReasonAgainst(const PlausibilityOptions& options, const BuildState& build) {
+  const BuildRun& run = build.runs.front();
+  std::string reason = ImplausibleCalibration(options, run, build.sensor);
+  if (!reason.empty()) return reason;
+  if (ModesOf(run).empty()) return kOutliersReason;
+  const IndexedVector<SightingIndex, Sighting>& all = run.data->sightings;
+  const auto outliers = std::count_if(all.begin(), all.end(), [&](const Sighting& sighting) {
+    return !IsInlier(build, run, sighting);
+  });
+  if (static_cast<double>(outliers) <= options.max_outliers * static_cast<double>(all.size())) {
+    return "";
+  }
+  return fmt::format("{} of {} observations do not agree with the others: signatures are misread",
+                     outliers,
+                     all.size());
+}
+
 StatusOr<std::vector<RunMap>> MapRunsSingly(const std::vector<MappingRun>& runs,
                                             std::size_t groups,
                                             const MapperOptions& options,
@@ -166,11 +184,10 @@ StatusOr<std::vector<RunMap>> MapRunsSingly(const std::vector<MappingRun>& runs,
   });
   SHIFTMAP_RETURN_IF_ERROR(watch->status());
   std::erase_if(builds, [&](const BuildState& build) {
-    const BuildRun& run = build.runs.front();
-    std::string reason = ImplausibleCalibration(options.plausibility, run, build.sensor);
-    if (reason.empty() && ModesOf(run).empty()) reason = kOutliersReason;
-    if (!reason.empty()) rejected->push_back({run.data->name, reason});
-    return !reason.empty();
+    std::string reason = ReasonAgainst(options.plausibility, build);
+    if (reason.empty()) return false;
+    rejected->push_back({build.runs.front().data->name, std::move(reason)});
+    return true;
   });
   RaiseNoiseByVehicle(&builds);
   std::vector<std::string> names;

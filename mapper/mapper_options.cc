@@ -113,6 +113,7 @@ Status MapperOptions::Validate() const {
       {"max_noise_v", plausibility.max_noise_v, Range::kPositive},
       {"max_sd_bearing_rad", plausibility.max_sd_bearing_rad, Range::kPositive},
       {"reversed_log_odds", plausibility.reversed_log_odds, Range::kPositive},
+      {"max_outliers", plausibility.max_outliers, Range::kProbability},
       {"min_visits", relocation.min_visits, Range::kOneOrMore},
       {"part_visits", relocation.part_visits, Range::kOneOrMore},
       {"same_place_m", relocation.same_place_m, Range::kPositive},

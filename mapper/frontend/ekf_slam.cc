@@ -93,8 +93,7 @@ std::vector<Se2> Smoothed(const std::vector<Step>& steps) {
 
 std::vector<Se2> EstimateTrajectoryByEkf(const MappingRun& run,
                                          const FrameMotions& motions,
-                                         const Calibration& calibration,
-                                         const IndexedVector<VisitIndex, bool>& left_out) {
+                                         const Calibration& calibration) {
   SlamState state(calibration);
   GatedLandmarks landmarks;
   std::vector<Step> steps;
@@ -110,7 +109,7 @@ std::vector<Se2> EstimateTrajectoryByEkf(const MappingRun& run,
     }
     step.predicted = PoseOf(state);
     for (const SightingIndex s : frame.sightings()) {
-      if (!confirmed[s] || (!left_out.empty() && left_out[run.sightings[s].visit])) continue;
+      if (!confirmed[s]) continue;
       const Observation& observation = observations[s];
       state.Focus(observation.PositionInVehicle().norm());
       const GroupIndex group = run.visits[run.sightings[s].visit].group;

@@ -19,11 +19,9 @@ namespace shiftmap {
 /// closes a loop corrects its map, but does not go back to where it has been.
 /// @param motions      Of the run.
 /// @param calibration  Of odometry and sensor, systematic errors of the sensor included.
-/// @param left_out     Visits whose sightings are skipped; empty if there are none.
 /// @return One pose per key frame, T_start_vehicle.
 std::vector<Se2> EstimateTrajectoryByEkf(const MappingRun& run,
                                          const FrameMotions& motions,
-                                         const Calibration& calibration,
-                                         const IndexedVector<VisitIndex, bool>& left_out = {});
+                                         const Calibration& calibration);
 
 }  // namespace shiftmap

@@ -38,14 +38,14 @@ class RunTimeline {
   RunTimeline(const BuildState& build, const BuildRun& run)
       : run_(run), visits_(build.modes.size()), begun_(build.modes.size(), 0) {
     for (const VisitIndex v : run.data->visits.indices()) {
-      visits_[run.data->visits[v].group].push_back(v);
+      if (!run.IsUnconfirmed(v)) visits_[run.data->visits[v].group].push_back(v);
     }
   }
 
   void GoTo(Stamp stamp) {
     const auto& visits = run_.data->visits;
     for (; next_ < visits.end_index() && visits[next_].begin <= stamp; ++next_) {
-      ++begun_[visits[next_].group];
+      if (!run_.IsUnconfirmed(next_)) ++begun_[visits[next_].group];
     }
   }
 

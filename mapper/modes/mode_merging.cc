@@ -85,15 +85,6 @@ bool IsDisplaced(const BuildMode& mode, const BuildMode& of_prior, const GroupMo
              (mode.p_map_landmark - of_prior.p_map_landmark).norm();
 }
 
-// Sightings of a visit that its mode explains.
-std::ptrdiff_t CountInliers(const BuildState& build, const VisitRef& ref) {
-  const BuildRun& run = build.runs[ref.run];
-  const std::vector<SightingIndex>& sightings = VisitOf(build, ref).sightings;
-  return std::count_if(sightings.begin(), sightings.end(), [&](SightingIndex index) {
-    return IsInlier(build, run, run.data->sightings[index]);
-  });
-}
-
 // @param rows  Of a and b in the covariance of their map.
 bool AreOnePlace(const ModeOptions& options,
                  const Mode& a,

@@ -429,8 +429,7 @@ int SelectModes(const ModeOptions& options, BuildState* build, int threads) {
     const std::vector<int> states = selector->Select(sequences[group]).states;
     for (std::size_t t = 0; t < visits.size(); ++t) {
       OptionalMode& assignment = AssignmentOf(build, visits[t]);
-      const bool counts = !build->runs[visits[t].run].IsUnconfirmed(visits[t].visit);
-      const OptionalMode selected = counts ? ModeOfState(states[t]) : kUnassigned;
+      const OptionalMode selected = ModeOfState(states[t]);
       changed += assignment != selected;
       assignment = selected;
     }
@@ -445,7 +444,7 @@ int CreateModes(const ModeOptions& options, BuildState* build) {
     const GroupModes& modes = build->modes[group];
     const GroupModeIndex known = modes.end_index();
     for (const VisitRef& ref : by_group[group]) {
-      if (AssignmentOf(build, ref) || build->runs[ref.run].IsUnconfirmed(ref.visit)) continue;
+      if (AssignmentOf(build, ref)) continue;
       const VisitCluster cluster =
           ClusterOf(build->runs[ref.run], VisitOf(*build, ref), options.cluster_radius_m);
       if (cluster.count < options.min_sightings) continue;

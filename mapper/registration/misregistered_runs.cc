@@ -16,6 +16,7 @@
 #include "mapper/registration/run_map_alignment.h"
 #include "mapper/run_maps/run_map.h"
 #include "mapper/run_maps/single_run.h"
+#include "mapper/run_maps/unconfirmed_visits.h"
 #include "mapper/state/sightings.h"
 
 namespace shiftmap {
@@ -40,7 +41,7 @@ std::optional<AlignedParts> AlignParts(const MapperOptions& options,
                                        const Owners& others,
                                        const BuildRun& run,
                                        const StepCallback& on_step) {
-  const MappingRun& data = *run.data;
+  const MappingRun data = WithoutUnconfirmed(run);
   const auto visits =
       std::count_if(data.visits.begin(), data.visits.end(), [&](const MappingVisit& visit) {
         return MakesMode(options.modes, visit);

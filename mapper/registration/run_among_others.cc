@@ -50,7 +50,7 @@ Eigen::Vector2d PlaceOf(const ModeOptions& options,
 }
 
 // A run by itself as it is assigned, with the modes of others held. What is unassigned is at modes
-// of its own.
+// of its own, but for visits that are not confirmed.
 BuildState Among(const MapperOptions& options,
                  const BuildState& build,
                  const Owners& others,
@@ -73,7 +73,7 @@ BuildState Among(const MapperOptions& options,
       if (!added) continue;
       modes.push_back(build.modes[group][*mode]);
       if (others[group][*mode] > 0) held.push_back({group, entry->second});
-    } else {
+    } else if (!run.IsUnconfirmed(v)) {
       const Eigen::Vector2d place = PlaceOf(options.modes, run, visit);
       const auto near = std::find_if(modes.begin(), modes.end(), [&](const BuildMode& other) {
         return (other.p_map_landmark - place).norm() < options.relocation.same_place_m;
@@ -166,10 +166,12 @@ IndexedVector<VisitIndex, OptionalMode> MatchVisits(const MapperOptions& options
                                                     const BuildRun& run,
                                                     double same_place_m) {
   IndexedVector<VisitIndex, OptionalMode> matches;
-  for (const MappingVisit& visit : run.data->visits) {
+  for (const VisitIndex v : run.data->visits.indices()) {
+    const MappingVisit& visit = run.data->visits[v];
     const NearestMode nearest =
         FindNearest(build, visit.group, PlaceOf(options.modes, run, visit), HasOwner(others));
-    const bool matches_it = nearest.squared_m2 < same_place_m * same_place_m;
+    const bool matches_it =
+        !run.IsUnconfirmed(v) && nearest.squared_m2 < same_place_m * same_place_m;
     matches.push_back(matches_it ? nearest.mode : kUnassigned);
   }
   return matches;
@@ -182,7 +184,7 @@ BuildRun Pulled(const MapperOptions& options,
   BuildRun pulled = run;
   for (const VisitIndex v : run.assignment.indices()) {
     const MappingVisit& visit = run.data->visits[v];
-    if (!MakesMode(options.modes, visit)) continue;
+    if (run.IsUnconfirmed(v) || !MakesMode(options.modes, visit)) continue;
     const Eigen::Vector2d place = PlaceOf(options.modes, run, visit);
     pulled.assignment[v] = FindNearest(build, visit.group, place, HasOwner(others)).mode;
   }

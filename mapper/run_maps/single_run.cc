@@ -9,6 +9,7 @@
 #include <set>
 #include <utility>
 
+#include "mapper/calibration/implausible_calibration.h"
 #include "mapper/calibration/noise_calibration.h"
 #include "mapper/frontend/ekf_slam.h"
 #include "mapper/frontend/frame_motions.h"
@@ -39,7 +40,6 @@ void PlaceModes(double radius_m, BuildState* build) {
   IndexedVector<GroupIndex, std::vector<Eigen::Vector2d>> positions(build->modes.size());
   run.assignment.assign(run.data->visits.size(), kUnassigned);
   for (const VisitIndex v : run.data->visits.indices()) {
-    if (run.IsUnconfirmed(v)) continue;
     run.assignment[v] = GroupModeIndex(0);
     const MappingVisit& visit = run.data->visits[v];
     const std::vector<Eigen::Vector2d> seen = VisitPositions(run, visit);
@@ -70,7 +70,6 @@ void CalibrateOpen(const MapperOptions& options,
   run->poses = DeadReckon(run->motions);
   run->assignment.assign(run->data->visits.size(), kUnassigned);
   for (const VisitIndex v : run->data->visits.indices()) {
-    if (run->IsUnconfirmed(v)) continue;
     const MappingVisit& visit = run->data->visits[v];
     GroupModes& modes = open.modes[visit.group];
     run->assignment[v] = modes.end_index();
@@ -153,8 +152,7 @@ BuildState MapByEkf(const MapperOptions& options,
                     BuildRun run) {
   const SensorCalibration sensor =
       WithBias(build.sensor, run.sensor_bias, run.data->mean_squared_bearing);
-  run.poses =
-      EstimateTrajectoryByEkf(*run.data, run.motions, {run.odometry, sensor}, run.unconfirmed);
+  run.poses = EstimateTrajectoryByEkf(*run.data, run.motions, {run.odometry, sensor});
   return MapFromPoses(options, build, on_step, std::move(run));
 }
 
@@ -241,17 +239,15 @@ BuildState MapByParts(const MapperOptions& options,
   return MapFromPoses(options, build, on_step, std::move(run));
 }
 
-// Maps a run from all visits, or without those that are not confirmed.
-BuildState MapVisits(const MappingRun& run,
-                     std::size_t groups,
-                     const MapperOptions& options,
-                     const StepCallback& on_step,
-                     IndexedVector<VisitIndex, bool> unconfirmed) {
+// Maps a run from all its sightings.
+BuildState MapSightings(const MappingRun& run,
+                        std::size_t groups,
+                        const MapperOptions& options,
+                        const StepCallback& on_step) {
   BuildState nothing = StartBuild(groups, options.calibration.sensor);
   BuildRun build;
   build.data = &run;
   build.odometry = options.calibration.odometry;
-  build.unconfirmed = std::move(unconfirmed);
   if (options.calibrate) CalibrateOpen(options, groups, on_step, &build, &nothing.sensor);
   UpdateMotions(run, build.odometry, &build.motions);
   const double part_s = PartDuration(options.modes, build);
@@ -273,6 +269,25 @@ BuildState MapVisits(const MappingRun& run,
     best = std::move(broken_up);
   }
   return best;
+}
+
+bool IsImplausible(const MapperOptions& options, const BuildState& build) {
+  return !ImplausibleCalibration(options.plausibility, build.runs.front(), build.sensor).empty();
+}
+
+// Puts a run in place of its part without unconfirmed visits (OnlySightings).
+void AddUnconfirmed(const MappingRun& all,
+                    const IndexedVector<VisitIndex, bool>& unconfirmed,
+                    BuildState* build) {
+  BuildRun& run = build->runs.front();
+  run.data = &all;
+  run.unconfirmed = unconfirmed;
+  IndexedVector<VisitIndex, OptionalMode> assignment(all.visits.size(), kUnassigned);
+  VisitIndex next(0);
+  for (const VisitIndex v : all.visits.indices()) {
+    if (!unconfirmed[v]) assignment[v] = run.assignment[next++];
+  }
+  run.assignment = std::move(assignment);
 }
 
 }  // namespace
@@ -300,9 +315,6 @@ BuildState MapPart(const MapperOptions& options,
   of_part.odometry = run.odometry;
   of_part.sensor_bias = run.sensor_bias;
   of_part.motions = IntegrateMotions(part, run.odometry);
-  if (!run.unconfirmed.empty()) {
-    of_part.unconfirmed = UnconfirmedVisits(options.modes, part, of_part.motions);
-  }
   return MapByEkf(options, build, on_step, std::move(of_part));
 }
 
@@ -312,11 +324,15 @@ BuildState MapSingleRun(const MappingRun& run,
                         const StepCallback& on_step) {
   // What is confirmed leaves less uncertain, which may confirm more.
   constexpr int kRounds = 3;
-  BuildState mapped = MapVisits(run, groups, options, on_step, {});
-  IndexedVector<VisitIndex, bool> unconfirmed =
-      UnconfirmedVisits(options.modes, run, mapped.runs.front().motions);
-  if (!MisreadsMany(mapped, unconfirmed) || (on_step && !on_step(mapped))) return mapped;
-  mapped = MapVisits(run, groups, options, on_step, std::move(unconfirmed));
+  BuildState from_all = MapSightings(run, groups, options, on_step);
+  const IndexedVector<SightingIndex, bool> trusted = TrustedSightings(options, from_all);
+  const bool all = std::find(trusted.begin(), trusted.end(), false) == trusted.end();
+  if (all || (on_step && !on_step(from_all))) return from_all;
+  const MappingRun part = OnlySightings(run, trusted);
+  BuildState mapped = MapSightings(part, groups, options, on_step);
+  // The cause of what is implausible shows best in all.
+  if (IsImplausible(options, from_all) && IsImplausible(options, mapped)) return from_all;
+  AddUnconfirmed(run, UnconfirmedVisits(run, trusted), &mapped);
   for (int round = 0; round < kRounds && (!on_step || on_step(mapped)); ++round) {
     if (ConfirmVisits(options, &mapped) == 0) break;
     GraphSolver solver;

@@ -3,13 +3,15 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
+#include <limits>
 #include <map>
 #include <optional>
+#include <set>
 #include <vector>
 
 #include "mapper/frontend/frame_motions.h"
 #include "mapper/state/sightings.h"
-#include "mapper/state/visit_ref.h"
 #include "mapstore/geometry/covariance.h"
 
 namespace shiftmap {
@@ -32,35 +34,45 @@ double SeenArea(const MappingRun& run) {
   return std::max(kLeast, range * range * bearing);
 }
 
+// A visit as a map without it has it.
+struct Match {
+  VisitRef visit;
+  double density = 0.0;         // Of its place, over all modes of the landmark. [1/m²]
+  GroupModeIndex likeliest{0};  // Of these.
+
+  // Of the difference from it, in the direction with the largest. [m]
+  double sd = std::numeric_limits<double>::infinity();
+};
+
 // Probability that each visit is misread.
-// @param right  Densities of the places as seen, if they are read right. [1/m²]
-// @param misread  The same if they are not.
-std::vector<double> MisreadProbabilities(const std::vector<double>& right, double misread) {
+// @param misfits  Visits at no mode, beside these.
+// @param area     In which misread places are. [m²]
+std::vector<double> MisreadProbabilities(const std::vector<Match>& matches,
+                                         std::ptrdiff_t misfits,
+                                         double area) {
   constexpr int kIterations = 50;
-  std::vector<double> probabilities(right.size());
+  std::vector<double> probabilities(matches.size());
   double share = 0.5;
   for (int i = 0; i < kIterations; ++i) {
-    double sum = 1.0;  // Beside those of the run, one misread and one not.
-    for (std::size_t k = 0; k < right.size(); ++k) {
-      probabilities[k] = share * misread / (share * misread + (1.0 - share) * right[k]);
+    double sum = 1.0 + static_cast<double>(misfits);  // Beside those, one misread and one not.
+    for (std::size_t k = 0; k < matches.size(); ++k) {
+      const double misread = share / area;
+      probabilities[k] = misread / (misread + (1.0 - share) * matches[k].density);
       sum += probabilities[k];
     }
-    share = sum / (static_cast<double>(right.size()) + 2.0);
+    share = sum / (static_cast<double>(std::ssize(matches) + misfits) + 2.0);
   }
   return probabilities;
+}
+
+bool IsConfirmed(const ConfirmationOptions& options, const Match& match, double misread) {
+  return misread <= 1.0 - options.min_probability || match.sd <= kHarmlessSd;
 }
 
 // A visit, with a mode of its own in a probing build.
 struct Probe {
   VisitRef visit;
   GroupModeIndex own;
-};
-
-// What the map has of a visit's place.
-struct Match {
-  double density = 0.0;      // Over all modes of the landmark. [1/m²]
-  GroupModeIndex likeliest;  // Of these.
-  double sd = 0.0;           // Of the difference from it, in the direction with the largest. [m]
 };
 
 // @param modes  Of the landmark, before it had those of the probes.
@@ -74,7 +86,7 @@ Match MatchOf(const ModeOptions& options,
   const GroupModes& all = probing.modes[group];
   const Eigen::Matrix2d floor =
       Eigen::Matrix2d::Identity() * (2.0 * options.position_floor_m * options.position_floor_m);
-  Match match;
+  Match match{probe.visit};
   double highest = -1.0;
   for (GroupModeIndex k(0); k.value() < static_cast<int>(modes); ++k) {
     const Eigen::Matrix2d S =
@@ -91,42 +103,107 @@ Match MatchOf(const ModeOptions& options,
   return match;
 }
 
-// Visits that modes of their landmarks confirm.
-int ConfirmByModes(const MapperOptions& options,
-                   const std::vector<VisitRef>& visits,
-                   BuildState* build) {
-  BuildState probing = *build;
-  IndexedVector<RunIndex, std::vector<Probe>> probes(build->runs.size());
+// Compares visits that are at no mode with the modes of their landmarks, which have one at least.
+// Nothing matches if the others do not determine the map.
+std::vector<Match> FindMatches(const MapperOptions& options,
+                               const std::vector<VisitRef>& visits,
+                               const BuildState& build) {
+  std::vector<Match> matches;
+  if (visits.empty()) return matches;
+  BuildState probing = build;
+  std::vector<Probe> probes;
   for (const VisitRef& ref : visits) {
-    const MappingVisit& visit = VisitOf(*build, ref);
+    const MappingVisit& visit = VisitOf(build, ref);
     const VisitCluster cluster =
-        ClusterOf(build->runs[ref.run], visit, options.modes.cluster_radius_m);
+        ClusterOf(build.runs[ref.run], visit, options.modes.cluster_radius_m);
     const GroupModeIndex own = AddMode(visit.group, {cluster.centre, kAbsent}, &probing);
     AssignmentOf(&probing, ref) = own;
-    probes[ref.run].push_back({ref, own});
+    probes.push_back({ref, own});
   }
   const Graph graph = MakeGraph(options, &probing);
   GraphSolver solver;
   const auto differences = ModeDifferences::Of(graph, &solver);
-  if (!differences) return 0;
   const FlatModes flat(probing);
+  for (const Probe& probe : probes) {
+    const std::size_t modes = build.modes[VisitOf(build, probe.visit).group].size();
+    matches.push_back(differences
+                          ? MatchOf(options.modes, probing, *differences, flat, probe, modes)
+                          : Match{probe.visit});
+  }
+  return matches;
+}
+
+// The same of visits that are at a mode, by the map without them. One that is alone at its mode
+// ties nothing: it stays, others are compared with it, and it is not among the matches.
+std::vector<Match> MatchesWithout(const MapperOptions& options,
+                                  const BuildState& build,
+                                  const std::vector<VisitRef>& visits) {
+  BuildState others = build;
+  for (const VisitRef& ref : visits) AssignmentOf(&others, ref) = kUnassigned;
+  const std::vector<BuildModeRef> of_others = ModesOf(others.runs.front());
+  std::set<BuildModeRef> held(of_others.begin(), of_others.end());
+  std::vector<VisitRef> compared;
+  for (const VisitRef& ref : visits) {
+    const GroupModeIndex mode = *AssignmentOf(build, ref);
+    if (held.insert({VisitOf(build, ref).group, mode}).second) {
+      AssignmentOf(&others, ref) = mode;
+    } else {
+      compared.push_back(ref);
+    }
+  }
+  return FindMatches(options, compared, others);
+}
+
+// Of visits that fit a map of one run, those that tie it and that nothing else confirms.
+// @param misfits  Others that fit nowhere.
+std::vector<VisitRef> UnconfirmedTies(const MapperOptions& options,
+                                      const BuildState& build,
+                                      const std::vector<VisitRef>& visits,
+                                      std::ptrdiff_t misfits) {
+  std::vector<Match> matches = MatchesWithout(options, build, visits);
+  const double area = SeenArea(*build.runs.front().data);
+  const auto unconfirmed = [&] {
+    const std::vector<double> misread = MisreadProbabilities(matches, misfits, area);
+    std::vector<VisitRef> result;
+    for (std::size_t i = 0; i < matches.size(); ++i) {
+      if (!IsConfirmed(options.confirmation, matches[i], misread[i])) {
+        result.push_back(matches[i].visit);
+      }
+    }
+    return result;
+  };
+  // Each by all others: a few at a time, which are far apart.
+  constexpr std::size_t kTimes = 8;
+  const std::vector<VisitRef> doubtful = unconfirmed();
+  for (std::size_t first = 0; first < std::min(kTimes, doubtful.size()); ++first) {
+    std::vector<VisitRef> some;
+    for (std::size_t i = first; i < doubtful.size(); i += kTimes) some.push_back(doubtful[i]);
+    for (const Match& match : MatchesWithout(options, build, some)) {
+      *std::find_if(matches.begin(), matches.end(), [&](const Match& other) {
+        return other.visit.visit == match.visit.visit;
+      }) = match;
+    }
+  }
+  return unconfirmed();
+}
+
+// Visits that modes of their landmarks confirm.
+int ConfirmByModes(const MapperOptions& options,
+                   const std::vector<VisitRef>& visits,
+                   BuildState* build) {
+  IndexedVector<RunIndex, std::vector<Match>> matches(build->runs.size());
+  for (const Match& match : FindMatches(options, visits, *build)) {
+    matches[match.visit.run].push_back(match);
+  }
   int confirmed = 0;
   for (const RunIndex r : build->runs.indices()) {
     BuildRun& run = build->runs[r];
-    std::vector<Match> matches;
-    std::vector<double> densities;
-    for (const Probe& probe : probes[r]) {
-      const std::size_t modes = build->modes[VisitOf(probing, probe.visit).group].size();
-      matches.push_back(MatchOf(options.modes, probing, *differences, flat, probe, modes));
-      densities.push_back(matches.back().density);
-    }
-    const std::vector<double> misread = MisreadProbabilities(densities, 1.0 / SeenArea(*run.data));
-    for (std::size_t i = 0; i < probes[r].size(); ++i) {
-      const bool sure = misread[i] <= 1.0 - options.confirmation.min_probability;
-      if (!sure && matches[i].sd > kHarmlessSd) continue;
-      const VisitIndex v = probes[r][i].visit.visit;
-      run.unconfirmed[v] = false;
-      if (misread[i] < 0.5) run.assignment[v] = matches[i].likeliest;
+    const std::vector<double> misread = MisreadProbabilities(matches[r], 0, SeenArea(*run.data));
+    for (std::size_t i = 0; i < matches[r].size(); ++i) {
+      const Match& match = matches[r][i];
+      if (!IsConfirmed(options.confirmation, match, misread[i])) continue;
+      run.unconfirmed[match.visit.visit] = false;
+      if (misread[i] < 0.5) run.assignment[match.visit.visit] = match.likeliest;
       ++confirmed;
     }
   }
@@ -171,40 +248,107 @@ int ConfirmByEachOther(const ModeOptions& options,
 
 }  // namespace
 
-IndexedVector<VisitIndex, bool> UnconfirmedVisits(const ModeOptions& options,
-                                                  const MappingRun& run,
-                                                  const FrameMotions& motions) {
+IndexedVector<SightingIndex, bool> AgreeingSightings(const ModeOptions& options,
+                                                     const MappingRun& run,
+                                                     const FrameMotions& motions) {
+  // Sightings of the visit before and after that are asked: odometry drifts.
+  constexpr std::size_t kNeighbours = 10;
   const IndexedVector<FrameIndex, Se2> poses = DeadReckon(motions);
-  IndexedVector<VisitIndex, bool> unconfirmed(run.visits.size());
-  std::size_t sightings = 0;
-  for (const VisitIndex v : run.visits.indices()) {
+  IndexedVector<SightingIndex, bool> agreeing(run.sightings.size());
+  for (const MappingVisit& visit : run.visits) {
     std::vector<Eigen::Vector2d> positions;
-    for (const SightingIndex s : run.visits[v].sightings) {
+    for (const SightingIndex s : visit.sightings) {
       const Sighting& sighting = run.sightings[s];
       positions.push_back(poses[sighting.frame] * sighting.observation.PositionInVehicle());
     }
-    const int agree = DensestCluster(positions, options.cluster_radius_m).count;
-    unconfirmed[v] = agree < options.min_sightings;
-    if (unconfirmed[v]) sightings += positions.size();
+    for (std::size_t i = 0; i < positions.size(); ++i) {
+      const auto begin = positions.begin();
+      const auto agree = std::count_if(
+          begin + static_cast<std::ptrdiff_t>(i - std::min(i, kNeighbours)),
+          begin + static_cast<std::ptrdiff_t>(std::min(positions.size(), i + 1 + kNeighbours)),
+          [&](const Eigen::Vector2d& other) {
+            return (other - positions[i]).norm() <= options.cluster_radius_m;
+          });
+      agreeing[visit.sightings[i]] = agree >= options.min_sightings;
+    }
   }
-  if (2 * sightings > run.sightings.size()) unconfirmed.assign(unconfirmed.size(), false);
+  return agreeing;
+}
+
+IndexedVector<VisitIndex, bool> UnconfirmedVisits(
+    const MappingRun& run, const IndexedVector<SightingIndex, bool>& sightings) {
+  IndexedVector<VisitIndex, bool> unconfirmed;
+  for (const MappingVisit& visit : run.visits) {
+    unconfirmed.push_back(std::none_of(visit.sightings.begin(),
+                                       visit.sightings.end(),
+                                       [&](SightingIndex s) { return sightings[s]; }));
+  }
   return unconfirmed;
 }
 
-bool MisreadsMany(const BuildState& build, const IndexedVector<VisitIndex, bool>& unconfirmed) {
-  constexpr double kMany = 0.2;
+MappingRun OnlySightings(const MappingRun& run, const IndexedVector<SightingIndex, bool>& kept) {
+  MappingRun part = run;
+  part.sightings.clear();
+  part.visits.clear();
+  const IndexedVector<VisitIndex, bool> without = UnconfirmedVisits(run, kept);
+  IndexedVector<VisitIndex, VisitIndex> in_part(run.visits.size());
+  for (const VisitIndex v : run.visits.indices()) {
+    if (without[v]) continue;
+    const MappingVisit& visit = run.visits[v];
+    in_part[v] = part.visits.end_index();
+    part.visits.push_back({visit.group, visit.begin, visit.end, {}});
+  }
+  for (KeyFrame& frame : part.frames) {
+    const IndexRange<SightingIndex> sightings = frame.sightings();
+    frame.first_sighting = part.sightings.end_index();
+    for (const SightingIndex s : sightings) {
+      if (!kept[s]) continue;
+      Sighting sighting = run.sightings[s];
+      sighting.visit = in_part[sighting.visit];
+      part.visits[sighting.visit].sightings.push_back(part.sightings.end_index());
+      part.sightings.push_back(sighting);
+    }
+    frame.sighting_count = part.sightings.end_index() - frame.first_sighting;
+  }
+  return part;
+}
+
+MappingRun WithoutUnconfirmed(const BuildRun& run) {
+  IndexedVector<SightingIndex, bool> kept;
+  for (const Sighting& sighting : run.data->sightings) {
+    kept.push_back(!run.IsUnconfirmed(sighting.visit));
+  }
+  return OnlySightings(*run.data, kept);
+}
+
+IndexedVector<SightingIndex, bool> TrustedSightings(const MapperOptions& options,
+                                                    const BuildState& build) {
+  constexpr double kMany = 0.1;
   const BuildRun& run = build.runs.front();
-  int all = 0;
-  int misread = 0;
+  const MappingRun& data = *run.data;
+  auto agreeing = AgreeingSightings(options.modes, data, run.motions);
+  const auto unconfirmed = UnconfirmedVisits(data, agreeing);
+  std::vector<VisitRef> fitting;
+  std::vector<VisitRef> misfits;
+  std::ptrdiff_t sightings = 0;
   for (const VisitIndex v : unconfirmed.indices()) {
     if (!unconfirmed[v]) continue;
-    const std::vector<SightingIndex>& sightings = run.data->visits[v].sightings;
-    ++all;
-    misread += std::none_of(sightings.begin(), sightings.end(), [&](SightingIndex s) {
-      return IsInlier(build, run, run.data->sightings[s]);
-    });
+    const VisitRef ref{RunIndex(0), v};
+    sightings += std::ssize(data.visits[v].sightings);
+    (CountInliers(build, ref) > 0 ? fitting : misfits).push_back(ref);
   }
-  return misread > kMany * all;
+  const auto all = static_cast<double>(fitting.size() + misfits.size());
+  if (static_cast<double>(misfits.size()) > 1.0 + kMany * all) return agreeing;
+  IndexedVector<SightingIndex, bool> trusted(agreeing.size(), true);
+  const bool in_passing = 2 * sightings > std::ssize(data.sightings);
+  if (in_passing) return trusted;
+  std::vector<VisitRef> doubtful = UnconfirmedTies(options, build, fitting, std::ssize(misfits));
+  // What does not fit would where these are left out.
+  if (!doubtful.empty()) doubtful.insert(doubtful.end(), misfits.begin(), misfits.end());
+  for (const VisitRef& ref : doubtful) {
+    for (const SightingIndex s : data.visits[ref.visit].sightings) trusted[s] = false;
+  }
+  return trusted;
 }
 
 int ConfirmVisits(const MapperOptions& options, BuildState* build) {

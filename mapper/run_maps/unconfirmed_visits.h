@@ -6,16 +6,31 @@
 
 namespace shiftmap {
 
-/// Visits of which fewer sightings agree, by dead reckoning, than a mode needs: each may be of a
-/// misread signature. If such visits have most of the run's sightings, none is returned: the others
-/// would be too few for a map.
-IndexedVector<VisitIndex, bool> UnconfirmedVisits(const ModeOptions& options,
-                                                  const MappingRun& run,
-                                                  const FrameMotions& motions);
+/// Sightings whose place others of the same visit confirm by dead reckoning, so many that they make
+/// a mode. Each other one may be of a misread signature.
+IndexedVector<SightingIndex, bool> AgreeingSightings(const ModeOptions& options,
+                                                     const MappingRun& run,
+                                                     const FrameMotions& motions);
 
-/// True if over a fifth of such visits have no sighting at the place of their landmark in a map of
-/// all visits: the run misreads signatures too often to trust these visits.
-bool MisreadsMany(const BuildState& build, const IndexedVector<VisitIndex, bool>& unconfirmed);
+/// Visits without any of some sightings.
+IndexedVector<VisitIndex, bool> UnconfirmedVisits(
+    const MappingRun& run, const IndexedVector<SightingIndex, bool>& sightings);
+
+/// A run with some sightings alone, and without the visits that have none of them. Key frames stay.
+MappingRun OnlySightings(const MappingRun& run, const IndexedVector<SightingIndex, bool>& kept);
+
+/// A run's data without its unconfirmed visits, BuildRun::unconfirmed.
+MappingRun WithoutUnconfirmed(const BuildRun& run);
+
+/// Sightings that a run's map may rest on. A visit is unconfirmed if none of its sightings agrees
+/// with others (AgreeingSightings). Where more than a tenth of such visits fit nowhere, signatures
+/// are misread often, and the agreeing sightings alone are trusted. Else only those visits are not
+/// that tie the map: they fit, and the others neither confirm them, as in ConfirmVisits(), nor know
+/// their places without them. A sensor that sees most landmarks in passing, once or twice, has
+/// nothing but unconfirmed visits: they are trusted while they fit.
+/// @param build  Of one run, from all sightings, solved.
+IndexedVector<SightingIndex, bool> TrustedSightings(const MapperOptions& options,
+                                                    const BuildState& build);
 
 /// Confirms visits of a solved build by the map of the others; nothing is solved.
 /// A visit puts its landmark at p_v, the map has it at p_k, one of K modes; without the visit their

@@ -56,6 +56,14 @@ bool MakesMode(const ModeOptions& options, const MappingVisit& visit) {
   return std::ssize(visit.sightings) >= options.min_sightings;
 }
 
+std::ptrdiff_t CountInliers(const BuildState& build, const VisitRef& ref) {
+  const BuildRun& run = build.runs[ref.run];
+  const std::vector<SightingIndex>& sightings = VisitOf(build, ref).sightings;
+  return std::count_if(sightings.begin(), sightings.end(), [&](SightingIndex index) {
+    return IsInlier(build, run, run.data->sightings[index]);
+  });
+}
+
 std::vector<Eigen::Vector2d> VisitPositions(const BuildRun& run, const MappingVisit& visit) {
   std::vector<Eigen::Vector2d> positions;
   for (const SightingIndex index : visit.sightings) {

@@ -2,12 +2,14 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cstddef>
 #include <vector>
 
 #include "localizer/models/observation_model.h"
 #include "mapper/frontend/mapping_run.h"
 #include "mapper/mapper_options.h"
 #include "mapper/state/build_state.h"
+#include "mapper/state/visit_ref.h"
 
 namespace shiftmap {
 
@@ -33,6 +35,9 @@ const Eigen::Vector2d& AssignedPosition(const BuildState& build,
 /// True if a sighting is explained by the mode of its visit: its squared standardized residual is
 /// below the 99.9 % quantile.
 bool IsInlier(const BuildState& build, const BuildRun& run, const Sighting& sighting);
+
+/// Sightings of a visit that its mode explains.
+std::ptrdiff_t CountInliers(const BuildState& build, const VisitRef& ref);
 
 /// Positions of a visit's sightings as seen from the present poses, the run's sensor bias taken
 /// off. [m]

@@ -9,7 +9,9 @@ IndexedVector<GroupIndex, std::vector<VisitRef>> VisitsByGroup(const BuildState&
   IndexedVector<GroupIndex, std::vector<VisitRef>> by_group(build.modes.size());
   for (const RunIndex r : build.runs.indices()) {
     const auto& visits = build.runs[r].data->visits;
-    for (const VisitIndex v : visits.indices()) by_group[visits[v].group].push_back({r, v});
+    for (const VisitIndex v : visits.indices()) {
+      if (!build.runs[r].IsUnconfirmed(v)) by_group[visits[v].group].push_back({r, v});
+    }
   }
   for (std::vector<VisitRef>& visits : by_group) {
     std::stable_sort(visits.begin(), visits.end(), [&](const VisitRef& a, const VisitRef& b) {

@@ -13,7 +13,7 @@ struct VisitRef {
   VisitIndex visit;
 };
 
-/// The visits of every group over all runs, in the order of time.
+/// The visits of every group over all runs, in the order of time, without unconfirmed ones.
 IndexedVector<GroupIndex, std::vector<VisitRef>> VisitsByGroup(const BuildState& build);
 
 const MappingVisit& VisitOf(const BuildState& build, const VisitRef& ref);
