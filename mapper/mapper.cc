@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
 #include <memory>
 #include <mutex>
 #include <tuple>
@@ -32,6 +33,7 @@
 #include "mapper/run_maps/single_run.h"
 #include "mapper/run_maps/unconfirmed_visits.h"
 #include "mapper/state/build_state.h"
+#include "mapper/state/sightings.h"
 
 namespace shiftmap {
 namespace {
@@ -150,21 +152,22 @@ Status NameAnonymous(const MapperOptions& options, Watch* watch, std::vector<Map
 }
 
 // Why a run that is mapped by itself is not used; empty if it is.
-std::string ReasonAgainst(const PlausibilityOptions& options, const BuildState& build) {
+std::string ReasonAgainst(const MapperOptions& options, const BuildState& build) {
   const BuildRun& run = build.runs.front();
-  std::string reason = ImplausibleCalibration(options, run, build.sensor);
+  std::string reason = ImplausibleCalibration(options.plausibility, run, build.sensor);
   if (!reason.empty()) return reason;
   if (ModesOf(run).empty()) return kOutliersReason;
-  const IndexedVector<SightingIndex, Sighting>& all = run.data->sightings;
-  const auto outliers = std::count_if(all.begin(), all.end(), [&](const Sighting& sighting) {
-    return !IsInlier(build, run, sighting);
-  });
-  if (static_cast<double>(outliers) <= options.max_outliers * static_cast<double>(all.size())) {
-    return "";
+  std::ptrdiff_t outliers = 0;  // A single sighting agrees with nothing by chance.
+  for (const VisitIndex v : run.data->visits.indices()) {
+    const MappingVisit& visit = run.data->visits[v];
+    if (!MakesMode(options.modes, visit)) continue;
+    outliers += std::ssize(visit.sightings) - CountInliers(build, {RunIndex(0), v});
   }
+  const auto all = static_cast<double>(run.data->sightings.size());
+  if (static_cast<double>(outliers) <= options.plausibility.max_outliers * all) return "";
   return fmt::format("{} of {} observations do not agree with the others: signatures are misread",
                      outliers,
-                     all.size());
+                     run.data->sightings.size());
 }
 
 StatusOr<std::vector<RunMap>> MapRunsSingly(const std::vector<MappingRun>& runs,
@@ -184,7 +187,7 @@ StatusOr<std::vector<RunMap>> MapRunsSingly(const std::vector<MappingRun>& runs,
   });
   SHIFTMAP_RETURN_IF_ERROR(watch->status());
   std::erase_if(builds, [&](const BuildState& build) {
-    std::string reason = ReasonAgainst(options.plausibility, build);
+    std::string reason = ReasonAgainst(options, build);
     if (reason.empty()) return false;
     rejected->push_back({build.runs.front().data->name, std::move(reason)});
     return true;

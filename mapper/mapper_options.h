@@ -131,9 +131,9 @@ struct PlausibilityOptions {
   /// Log odds from which on odometry counts turns, or ways, the other way.
   double reversed_log_odds = 10.0;
 
-  /// Share of a run's observations that its own map leaves unexplained. Where more are misread, so
-  /// many agree by chance that the map may rest on them.
-  double max_outliers = 0.6;
+  /// Share of a run's observations that its own map leaves unexplained, in visits that are long
+  /// enough for a mode: of so many misread ones some agree by chance, and the map may rest on them.
+  double max_outliers = 0.4;
 };
 
 /// When a run lays a second map beside that of the others, and how it is put back

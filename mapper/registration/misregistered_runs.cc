@@ -41,7 +41,9 @@ std::optional<AlignedParts> AlignParts(const MapperOptions& options,
                                        const Owners& others,
                                        const BuildRun& run,
                                        const StepCallback& on_step) {
-  const MappingRun data = WithoutUnconfirmed(run);
+  std::optional<MappingRun> confirmed;
+  const MappingRun& data =
+      run.unconfirmed.empty() ? *run.data : confirmed.emplace(WithoutUnconfirmed(run));
   const auto visits =
       std::count_if(data.visits.begin(), data.visits.end(), [&](const MappingVisit& visit) {
         return MakesMode(options.modes, visit);

@@ -330,9 +330,9 @@ BuildState MapSingleRun(const MappingRun& run,
   if (all || (on_step && !on_step(from_all))) return from_all;
   const MappingRun part = OnlySightings(run, trusted);
   BuildState mapped = MapSightings(part, groups, options, on_step);
-  // The cause of what is implausible shows best in all.
+  // The map of all sightings shows best why the run is implausible.
   if (IsImplausible(options, from_all) && IsImplausible(options, mapped)) return from_all;
-  AddUnconfirmed(run, UnconfirmedVisits(run, trusted), &mapped);
+  AddUnconfirmed(run, VisitsWithout(run, trusted), &mapped);
   for (int round = 0; round < kRounds && (!on_step || on_step(mapped)); ++round) {
     if (ConfirmVisits(options, &mapped) == 0) break;
     GraphSolver solver;

@@ -154,35 +154,38 @@ std::vector<Match> MatchesWithout(const MapperOptions& options,
   return FindMatches(options, compared, others);
 }
 
-// Of visits that fit a map of one run, those that tie it and that nothing else confirms.
-// @param misfits  Others that fit nowhere.
+// Of visits that fit a map of one run, those that tie it and that no other visit confirms.
+// @param misfits  Other visits, which fit nowhere.
 std::vector<VisitRef> UnconfirmedTies(const MapperOptions& options,
                                       const BuildState& build,
                                       const std::vector<VisitRef>& visits,
                                       std::ptrdiff_t misfits) {
-  std::vector<Match> matches = MatchesWithout(options, build, visits);
   const double area = SeenArea(*build.runs.front().data);
+  std::map<VisitIndex, Match> matches;
+  const auto compare_without = [&](const std::vector<VisitRef>& some) {
+    for (const Match& match : MatchesWithout(options, build, some)) {
+      matches[match.visit.visit] = match;
+    }
+  };
   const auto unconfirmed = [&] {
-    const std::vector<double> misread = MisreadProbabilities(matches, misfits, area);
+    std::vector<Match> list;
+    for (const auto& [visit, match] : matches) list.push_back(match);
+    const std::vector<double> misread = MisreadProbabilities(list, misfits, area);
     std::vector<VisitRef> result;
-    for (std::size_t i = 0; i < matches.size(); ++i) {
-      if (!IsConfirmed(options.confirmation, matches[i], misread[i])) {
-        result.push_back(matches[i].visit);
-      }
+    for (std::size_t i = 0; i < list.size(); ++i) {
+      if (!IsConfirmed(options.confirmation, list[i], misread[i])) result.push_back(list[i].visit);
     }
     return result;
   };
-  // Each by all others: a few at a time, which are far apart.
-  constexpr std::size_t kTimes = 8;
+  compare_without(visits);
+  // What all of these together do not confirm, others of them may. A round takes every eighth, so
+  // that a small run compares each by itself, and a large one does not factor a graph for each.
+  constexpr std::size_t kRounds = 8;
   const std::vector<VisitRef> doubtful = unconfirmed();
-  for (std::size_t first = 0; first < std::min(kTimes, doubtful.size()); ++first) {
+  for (std::size_t first = 0; first < std::min(kRounds, doubtful.size()); ++first) {
     std::vector<VisitRef> some;
-    for (std::size_t i = first; i < doubtful.size(); i += kTimes) some.push_back(doubtful[i]);
-    for (const Match& match : MatchesWithout(options, build, some)) {
-      *std::find_if(matches.begin(), matches.end(), [&](const Match& other) {
-        return other.visit.visit == match.visit.visit;
-      }) = match;
-    }
+    for (std::size_t i = first; i < doubtful.size(); i += kRounds) some.push_back(doubtful[i]);
+    compare_without(some);
   }
   return unconfirmed();
 }
@@ -275,22 +278,22 @@ IndexedVector<SightingIndex, bool> AgreeingSightings(const ModeOptions& options,
   return agreeing;
 }
 
-IndexedVector<VisitIndex, bool> UnconfirmedVisits(
-    const MappingRun& run, const IndexedVector<SightingIndex, bool>& sightings) {
-  IndexedVector<VisitIndex, bool> unconfirmed;
+IndexedVector<VisitIndex, bool> VisitsWithout(const MappingRun& run,
+                                              const IndexedVector<SightingIndex, bool>& sightings) {
+  IndexedVector<VisitIndex, bool> without;
   for (const MappingVisit& visit : run.visits) {
-    unconfirmed.push_back(std::none_of(visit.sightings.begin(),
-                                       visit.sightings.end(),
-                                       [&](SightingIndex s) { return sightings[s]; }));
+    without.push_back(std::none_of(visit.sightings.begin(),
+                                   visit.sightings.end(),
+                                   [&](SightingIndex s) { return sightings[s]; }));
   }
-  return unconfirmed;
+  return without;
 }
 
 MappingRun OnlySightings(const MappingRun& run, const IndexedVector<SightingIndex, bool>& kept) {
   MappingRun part = run;
   part.sightings.clear();
   part.visits.clear();
-  const IndexedVector<VisitIndex, bool> without = UnconfirmedVisits(run, kept);
+  const IndexedVector<VisitIndex, bool> without = VisitsWithout(run, kept);
   IndexedVector<VisitIndex, VisitIndex> in_part(run.visits.size());
   for (const VisitIndex v : run.visits.indices()) {
     if (without[v]) continue;
@@ -324,10 +327,11 @@ MappingRun WithoutUnconfirmed(const BuildRun& run) {
 IndexedVector<SightingIndex, bool> TrustedSightings(const MapperOptions& options,
                                                     const BuildState& build) {
   constexpr double kMany = 0.1;
+  constexpr double kMostInPassing = 0.4;
   const BuildRun& run = build.runs.front();
   const MappingRun& data = *run.data;
   auto agreeing = AgreeingSightings(options.modes, data, run.motions);
-  const auto unconfirmed = UnconfirmedVisits(data, agreeing);
+  const auto unconfirmed = VisitsWithout(data, agreeing);
   std::vector<VisitRef> fitting;
   std::vector<VisitRef> misfits;
   std::ptrdiff_t sightings = 0;
@@ -338,12 +342,14 @@ IndexedVector<SightingIndex, bool> TrustedSightings(const MapperOptions& options
     (CountInliers(build, ref) > 0 ? fitting : misfits).push_back(ref);
   }
   const auto all = static_cast<double>(fitting.size() + misfits.size());
-  if (static_cast<double>(misfits.size()) > 1.0 + kMany * all) return agreeing;
-  IndexedVector<SightingIndex, bool> trusted(agreeing.size(), true);
+  const auto misfitting = static_cast<double>(misfits.size());
+  const bool many = misfitting > 1.0 + kMany * all;
   const bool in_passing = 2 * sightings > std::ssize(data.sightings);
-  if (in_passing) return trusted;
+  if (many && (!in_passing || misfitting > kMostInPassing * all)) return agreeing;
+  IndexedVector<SightingIndex, bool> trusted(agreeing.size(), true);
+  if (in_passing && !many) return trusted;
   std::vector<VisitRef> doubtful = UnconfirmedTies(options, build, fitting, std::ssize(misfits));
-  // What does not fit would where these are left out.
+  // A misfit would fit a map without these.
   if (!doubtful.empty()) doubtful.insert(doubtful.end(), misfits.begin(), misfits.end());
   for (const VisitRef& ref : doubtful) {
     for (const SightingIndex s : data.visits[ref.visit].sightings) trusted[s] = false;

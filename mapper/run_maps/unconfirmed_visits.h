@@ -12,9 +12,9 @@ IndexedVector<SightingIndex, bool> AgreeingSightings(const ModeOptions& options,
                                                      const MappingRun& run,
                                                      const FrameMotions& motions);
 
-/// Visits without any of some sightings.
-IndexedVector<VisitIndex, bool> UnconfirmedVisits(
-    const MappingRun& run, const IndexedVector<SightingIndex, bool>& sightings);
+/// The visits that have none of some sightings.
+IndexedVector<VisitIndex, bool> VisitsWithout(const MappingRun& run,
+                                              const IndexedVector<SightingIndex, bool>& sightings);
 
 /// A run with some sightings alone, and without the visits that have none of them. Key frames stay.
 MappingRun OnlySightings(const MappingRun& run, const IndexedVector<SightingIndex, bool>& kept);
@@ -23,11 +23,11 @@ MappingRun OnlySightings(const MappingRun& run, const IndexedVector<SightingInde
 MappingRun WithoutUnconfirmed(const BuildRun& run);
 
 /// Sightings that a run's map may rest on. A visit is unconfirmed if none of its sightings agrees
-/// with others (AgreeingSightings). Where more than a tenth of such visits fit nowhere, signatures
-/// are misread often, and the agreeing sightings alone are trusted. Else only those visits are not
-/// that tie the map: they fit, and the others neither confirm them, as in ConfirmVisits(), nor know
-/// their places without them. A sensor that sees most landmarks in passing, once or twice, has
-/// nothing but unconfirmed visits: they are trusted while they fit.
+/// with others (AgreeingSightings). One that ties the map is not trusted: it fits, and the others
+/// neither confirm it, as in ConfirmVisits(), nor know its place without it. Where more than a
+/// tenth of such visits fit nowhere, signatures are misread often, and the agreeing sightings alone
+/// are trusted. A sensor that sees most landmarks in passing, once or twice, has few of these:
+/// where few of its visits fit nowhere all are trusted, and up to 40 % those that tie nothing.
 /// @param build  Of one run, from all sightings, solved.
 IndexedVector<SightingIndex, bool> TrustedSightings(const MapperOptions& options,
                                                     const BuildState& build);

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "mapper/state/sightings.h"
 
+#include <algorithm>
+
 #include "mapper/graph/residuals.h"
 #include "mapstore/geometry/covariance.h"
 

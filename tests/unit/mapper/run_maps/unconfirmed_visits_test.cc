@@ -27,7 +27,7 @@ OpenWorldOptions SparseFloor(std::uint64_t seed) {
 }
 
 IndexedVector<VisitIndex, bool> Unconfirmed(const MappingRun& run, const FrameMotions& motions) {
-  return UnconfirmedVisits(run, AgreeingSightings(ModeOptions(), run, motions));
+  return VisitsWithout(run, AgreeingSightings(ModeOptions(), run, motions));
 }
 
 std::ptrdiff_t Count(const IndexedVector<VisitIndex, bool>& visits) {
@@ -42,6 +42,7 @@ TEST(UnconfirmedVisits, MisreadSightingsTieNoMap) {
     for (const double clutter : {0.003, 0.03, 0.1}) {
       SCOPED_TRACE(fmt::format("{} Hz, clutter {}", rate_hz, clutter));
       testing::MapConsistency maps;
+      int mapped = 0;
       for (std::uint64_t seed = 1; seed <= 40; ++seed) {
         OpenWorldOptions options = SparseFloor(seed);
         options.scan_rate_hz = rate_hz;
@@ -49,6 +50,7 @@ TEST(UnconfirmedVisits, MisreadSightingsTieNoMap) {
         const SimulatedWorld world = testing::Simulate(options);
         const auto result = BuildMap(testing::Inputs(world), std::nullopt, {});
         if (!result.ok()) continue;  // Too few landmarks came into view.
+        ++mapped;
         for (const LandmarkGroup& group : result->content.groups) {
           EXPECT_EQ(group.modes.size(), 1u) << seed << " " << group.signature.text();
         }
@@ -57,7 +59,7 @@ TEST(UnconfirmedVisits, MisreadSightingsTieNoMap) {
         EXPECT_LT(map.nees / map.dof, 10.0) << seed << " " << map.squared_error / map.modes;
         maps.Add(map);
       }
-      EXPECT_GT(maps.modes, 20);
+      EXPECT_GT(mapped, 30);
       EXPECT_LT(maps.PerLandmark(), 3.0);
     }
   }
@@ -107,6 +109,47 @@ TEST(UnconfirmedVisits, AreConfirmedWhereNothingIsMisread) {
   }
   EXPECT_GT(unconfirmed, 40);
   EXPECT_LT(10 * left, unconfirmed);
+}
+
+// Landmarks that move between runs are told from those that stay, also by a slow sensor.
+TEST(UnconfirmedVisits, DoNotHideWhatMovedBetweenRuns) {
+  for (const double rate_hz : {1.0, 2.0}) {
+    testing::MapConsistency maps;
+    for (std::uint64_t seed = 1; seed <= 20; ++seed) {
+      OpenWorldOptions options = SparseFloor(seed);
+      options.groups = 30;
+      options.modes_per_group = 2;
+      options.runs = 3;
+      options.scan_rate_hz = rate_hz;
+      const SimulatedWorld world = testing::Simulate(options);
+      const auto result = BuildMap(testing::Inputs(world), std::nullopt, {});
+      ASSERT_TRUE(result.ok()) << seed << Message(result.status());
+      if (result->runs[0].name != "run-0") continue;  // It waits, and the frame is another's.
+      const testing::MapConsistency map = testing::MeasureConsistency(result->content, world);
+      EXPECT_LT(map.nees / map.dof, 10.0) << rate_hz << " Hz, " << seed;
+      maps.Add(map);
+    }
+    EXPECT_GT(maps.modes, 300);
+    EXPECT_LT(maps.PerLandmark(), 4.0);
+  }
+}
+
+// A slow sensor that misreads a few signatures keeps the rest of its map.
+TEST(UnconfirmedVisits, AFewMisreadOnesLoseNoMapOfASlowSensor) {
+  testing::MapConsistency maps;
+  for (std::uint64_t seed = 1; seed <= 20; ++seed) {
+    OpenWorldOptions options = SparseFloor(seed);
+    options.groups = 30;
+    options.duration_s = 400.0;
+    options.scan_rate_hz = 1.0;
+    options.clutter_per_scan = 0.05;
+    const SimulatedWorld world = testing::Simulate(options);
+    const auto result = BuildMap(testing::Inputs(world), std::nullopt, {});
+    ASSERT_TRUE(result.ok()) << seed << Message(result.status());
+    maps.Add(testing::MeasureConsistency(result->content, world));
+  }
+  EXPECT_GT(maps.modes, 400);
+  EXPECT_LT(maps.PerLandmark(), 4.0);
 }
 
 // A sensor that is so slow that landmarks are seen once or twice in passing.
