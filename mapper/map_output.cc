@@ -224,8 +224,8 @@ std::vector<EvidenceRow> RowsOf(const BuildState& build, const GroupSource& sour
   return rows;
 }
 
-// Gives the groups the chains that the ledger and this build's visits speak for. A known group that
-// neither tells of keeps its own.
+// Gives the groups the chains that the ledger and this build's visits support. A known group of
+// which neither has visits keeps its chain.
 StatusOr<std::vector<GroupChain>> LearnChainsOf(const BuildState& build,
                                                 const std::vector<GroupSource>& sources,
                                                 const std::vector<RunRecord>& older,

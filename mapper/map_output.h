@@ -34,9 +34,9 @@ struct MapOutput {
   IndexedVector<RunIndex, std::vector<ModeVisibility>> visibility;
 };
 
-/// Gives groups the chains that the ledger of the options and a build's own rows speak for. A group
-/// that neither tells of keeps its own if it `has_own`, by its index. One is returned per group.
-/// Errors: kInvalidArgument, as LearnGroupChains.
+/// Gives groups the chains that the ledger of the options and a build's own rows support. A group
+/// of which neither has visits keeps its chain if `has_own` says so of its index. Returns all
+/// chains. Errors: kInvalidArgument, as LearnGroupChains.
 StatusOr<std::vector<GroupChain>> LearnChains(std::vector<EvidenceRow> rows,
                                               const MapperOptions& options,
                                               const std::function<bool(std::size_t)>& has_own,

@@ -11,7 +11,7 @@
 namespace shiftmap::transfer {
 namespace {
 
-// Maps of the area beside the enabled one.
+// Number of maps of the area that the folder keeps in addition to the enabled one.
 constexpr std::size_t kOthersKept = 2;
 
 std::optional<FolderMap> WithHash(const std::vector<FolderMap>& maps, const std::string& sha256) {

@@ -20,8 +20,9 @@ constexpr double kMaxAllPairs = 5000.0;
 // Probability that draws of pairs miss a transform that matters.
 constexpr double kMissed = 1e-9;
 
-// What agrees must tell the rotation to this, and to three times of it with any one left out: three
-// signs on one post tell none, and with one that agrees by accident a wrong one. [rad]
+// The landmarks that agree must determine the rotation to this standard deviation, and to three
+// times as much without any one of them. Three signs on one post determine no rotation, and a wrong
+// one together with a landmark that agrees by accident. [rad]
 constexpr double kMaxSdRotationRad = 0.1;
 constexpr double kWithoutOne = 3.0;
 

@@ -21,7 +21,7 @@ constexpr double kTolerance = 1e-3;
 // that of the day. [nat]
 constexpr double kMinGain = 3.0;
 
-// Jumps below which a history tells no rhythm.
+// A history with fewer jumps does not determine a rhythm.
 constexpr double kMinJumps = 10.0;
 
 constexpr int kHoursOfDay = 24;

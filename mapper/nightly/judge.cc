@@ -28,12 +28,11 @@ constexpr double kCostFactor = 2.0;
 
 // A run of the build that fits neither map while the others fit is suspect: it is LOST for more
 // than this share of its time, sees more than this share of landmarks at no place of theirs, or has
-// more NIS per degree of freedom, ...
+// more NIS per degree of freedom. Each must also exceed the median of the others by the factor.
 constexpr double kSuspectLostShare = 0.15;
 constexpr double kSuspectUngatedShare = 0.15;
 constexpr double kSuspectNis = 3.0;
-constexpr double kSuspectFactor =
-    2.0;  // ... and so many times as much as the median of the others.
+constexpr double kSuspectFactor = 2.0;
 
 // A displacement that chance gives once in so many modes is no chance.
 constexpr double kMovedProbability = 1e-4;

@@ -178,8 +178,8 @@ std::vector<VisitRef> UnconfirmedTies(const MapperOptions& options,
     return result;
   };
   compare_without(visits);
-  // What all of these together do not confirm, others of them may. A round takes every eighth, so
-  // that a small run compares each by itself, and a large one does not factor a graph for each.
+  // A visit that the map without all of these does not confirm may be confirmed by some of them. A
+  // round compares every eighth: in a small run each by itself, and a large run needs few graphs.
   constexpr std::size_t kRounds = 8;
   const std::vector<VisitRef> doubtful = unconfirmed();
   for (std::size_t first = 0; first < std::min(kRounds, doubtful.size()); ++first) {

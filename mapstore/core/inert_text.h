@@ -19,9 +19,9 @@ std::string InertLine(std::string_view text);
 /// have the character: such a document stays one, with the same values.
 std::string InertText(std::string_view text);
 
-/// `text` between the tags, or the double quotes of an attribute, of HTML and XML: `&`, `<`, `>`
-/// and
-/// `"` by their names.
+/// Text for HTML and XML, between tags or in the double quotes of an attribute.
+/// The characters `&`, `<`, `>` and `"` are replaced by their entities.
+/// Other characters, an apostrophe among them, stay.
 std::string EscapeMarkup(std::string_view text);
 
 }  // namespace shiftmap

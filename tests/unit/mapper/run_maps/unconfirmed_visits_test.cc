@@ -15,9 +15,13 @@ namespace shiftmap {
 namespace {
 
 // Landmarks so far apart that the vehicle drives for a minute from one to the next.
-OpenWorldOptions SparseFloor(std::uint64_t seed) {
+OpenWorldOptions SparseFloor(std::uint64_t seed,
+                             double scan_rate_hz = OpenWorldOptions().scan_rate_hz,
+                             double clutter_per_scan = 0.0) {
   OpenWorldOptions options;
   options.seed = seed;
+  options.scan_rate_hz = scan_rate_hz;
+  options.clutter_per_scan = clutter_per_scan;
   options.groups = 8;
   options.modes_per_group = 1;
   options.runs = 1;
@@ -44,10 +48,7 @@ TEST(UnconfirmedVisits, MisreadSightingsTieNoMap) {
       testing::MapConsistency maps;
       int mapped = 0;
       for (std::uint64_t seed = 1; seed <= 40; ++seed) {
-        OpenWorldOptions options = SparseFloor(seed);
-        options.scan_rate_hz = rate_hz;
-        options.clutter_per_scan = clutter;
-        const SimulatedWorld world = testing::Simulate(options);
+        const SimulatedWorld world = testing::Simulate(SparseFloor(seed, rate_hz, clutter));
         const auto result = BuildMap(testing::Inputs(world), std::nullopt, {});
         if (!result.ok()) continue;  // Too few landmarks came into view.
         ++mapped;
@@ -70,11 +71,9 @@ TEST(UnconfirmedVisits, MisreadSightingsTieNoMapOfSeveralRuns) {
   testing::MapConsistency at_once;
   testing::MapConsistency in_turn;
   for (std::uint64_t seed = 1; seed <= 10; ++seed) {
-    OpenWorldOptions options = SparseFloor(seed);
+    OpenWorldOptions options = SparseFloor(seed, 2.0, 0.05);
     options.groups = 16;
     options.runs = 3;
-    options.scan_rate_hz = 2.0;
-    options.clutter_per_scan = 0.05;
     const SimulatedWorld world = testing::Simulate(options);
     const auto all = BuildMap(testing::Inputs(world), std::nullopt, {});
     ASSERT_TRUE(all.ok()) << seed << Message(all.status());
@@ -116,11 +115,10 @@ TEST(UnconfirmedVisits, DoNotHideWhatMovedBetweenRuns) {
   for (const double rate_hz : {1.0, 2.0}) {
     testing::MapConsistency maps;
     for (std::uint64_t seed = 1; seed <= 20; ++seed) {
-      OpenWorldOptions options = SparseFloor(seed);
+      OpenWorldOptions options = SparseFloor(seed, rate_hz);
       options.groups = 30;
       options.modes_per_group = 2;
       options.runs = 3;
-      options.scan_rate_hz = rate_hz;
       const SimulatedWorld world = testing::Simulate(options);
       const auto result = BuildMap(testing::Inputs(world), std::nullopt, {});
       ASSERT_TRUE(result.ok()) << seed << Message(result.status());
@@ -138,11 +136,9 @@ TEST(UnconfirmedVisits, DoNotHideWhatMovedBetweenRuns) {
 TEST(UnconfirmedVisits, AFewMisreadOnesLoseNoMapOfASlowSensor) {
   testing::MapConsistency maps;
   for (std::uint64_t seed = 1; seed <= 20; ++seed) {
-    OpenWorldOptions options = SparseFloor(seed);
+    OpenWorldOptions options = SparseFloor(seed, 1.0, 0.05);
     options.groups = 30;
     options.duration_s = 400.0;
-    options.scan_rate_hz = 1.0;
-    options.clutter_per_scan = 0.05;
     const SimulatedWorld world = testing::Simulate(options);
     const auto result = BuildMap(testing::Inputs(world), std::nullopt, {});
     ASSERT_TRUE(result.ok()) << seed << Message(result.status());
@@ -155,9 +151,8 @@ TEST(UnconfirmedVisits, AFewMisreadOnesLoseNoMapOfASlowSensor) {
 // A sensor that is so slow that landmarks are seen once or twice in passing.
 TEST(UnconfirmedVisits, AreTrustedWhereLandmarksAreSeenInPassing) {
   for (std::uint64_t seed = 1; seed <= 10; ++seed) {
-    OpenWorldOptions options = SparseFloor(seed);
+    OpenWorldOptions options = SparseFloor(seed, 0.5);
     options.groups = 40;
-    options.scan_rate_hz = 0.5;
     options.duration_s = 400.0;
     const SimulatedWorld world = testing::Simulate(options);
     const MappingRun run = testing::Arrange(world, world.runs[0].run);
@@ -172,9 +167,8 @@ TEST(UnconfirmedVisits, AreTrustedWhereLandmarksAreSeenInPassing) {
 }
 
 TEST(UnconfirmedVisits, ARunWithoutThemKeepsItsKeyFramesAndTheOtherSightings) {
-  OpenWorldOptions options = SparseFloor(1);
-  options.clutter_per_scan = 0.1;
-  const SimulatedWorld world = testing::Simulate(options);
+  const double rate_hz = OpenWorldOptions().scan_rate_hz;
+  const SimulatedWorld world = testing::Simulate(SparseFloor(1, rate_hz, 0.1));
   const MappingRun run = testing::Arrange(world, world.runs[0].run);
   const auto agreeing = AgreeingSightings(ModeOptions(), run, IntegrateMotions(run, {}));
   const MappingRun part = OnlySightings(run, agreeing);
@@ -202,13 +196,12 @@ TEST(UnconfirmedVisits, ARunWithoutThemKeepsItsKeyFramesAndTheOtherSightings) {
 
 // Where most signatures are misread, so many agree by chance that a map may rest on them.
 TEST(UnconfirmedVisits, ARunThatMisreadsMostIsLeftOut) {
+  const double rate_hz = OpenWorldOptions().scan_rate_hz;
   MapperOptions lenient;
   lenient.plausibility.max_outliers = 0.9999;
   int left_out = 0;
   for (std::uint64_t seed = 1; seed <= 20; ++seed) {
-    OpenWorldOptions options = SparseFloor(seed);
-    options.clutter_per_scan = 0.2;
-    const SimulatedWorld world = testing::Simulate(options);
+    const SimulatedWorld world = testing::Simulate(SparseFloor(seed, rate_hz, 0.2));
     if (!BuildMap(testing::Inputs(world), std::nullopt, lenient).ok()) continue;
     const auto result = BuildMap(testing::Inputs(world), std::nullopt, {});
     if (result.ok()) continue;
