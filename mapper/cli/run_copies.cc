@@ -131,7 +131,14 @@ StatusOr<std::optional<std::string>> MissingRest(const std::string& area,
                                                  const LineRun& mapped,
                                                  const Run& log,
                                                  MapStore* store) {
-  // Copies of a log, and logs of one run, are of one time.
+  // Copies of a log, and logs of one run, are of one vehicle and one time.
+  if (!log.info.vehicle.empty() && !mapped.run.vehicle.empty() &&
+      log.info.vehicle != mapped.run.vehicle) {
+    return std::optional(fmt::format(
+        "version {} has a run of vehicle '{}' with its run UUID: a recorder draws one for each log",
+        mapped.version.value(),
+        mapped.run.vehicle));
+  }
   if (BeginOf(log) > mapped.run.end || EndOf(log) < mapped.run.begin) {
     return std::optional(fmt::format(
         "version {} has another run of its run UUID, from {} to {} UTC: a recorder draws one for "

@@ -48,8 +48,8 @@ StatusOr<const LineRun*> FindMappedRun(
 bool IsLogOf(const Run& run, const RunRecord& mapped, const std::vector<EvidenceRow>& rows);
 
 /// What the map lacks of a log of a run that it was built from another log of, and how to get it;
-/// nothing if it lacks nothing: the other one is of its time, does not end before this one, nor has
-/// fewer observations, where the version states those of its logs.
+/// nothing if it lacks nothing: the other one is of its vehicle and time, does not end before this
+/// one, nor has fewer observations, where the version states those of its logs.
 /// Errors: those of the store.
 StatusOr<std::optional<std::string>> MissingRest(const std::string& area,
                                                  const LineRun& mapped,

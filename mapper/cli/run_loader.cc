@@ -128,12 +128,14 @@ bool Loader::KeepLongest(const std::string& path, const RunLog& log) {
   const Run& kept = longer ? log.run : other;
   const Run& left = longer ? other : log.run;
   const bool apart = EndOf(left) < BeginOf(kept) || EndOf(kept) < BeginOf(left);
+  const bool foreign = left.info.vehicle != kept.info.vehicle;
   const bool has_all = EndOf(left) <= EndOf(kept) && HasScansOf(kept, left);
   const std::string& left_path = longer ? copy->second.path : path;
   Reject(left_path,
          InvalidArgument("{}: {} {}",
                          LogName(left_path),
-                         apart     ? "has the run UUID, but not the time, of"
+                         foreign   ? "has the run UUID, but not the vehicle, of"
+                         : apart   ? "has the run UUID, but not the time, of"
                          : has_all ? "a copy of the run, not longer than"
                                    : "has other scans of the run, and not more observations than",
                          LogName(longer ? path : copy->second.path)));

@@ -99,7 +99,8 @@ StatusOr<std::optional<std::string>> Rest(const std::string& area,
                                           LogHead* log,
                                           MapStore* store) {
   const std::optional<Stamp> changed = ChangedAt(log->path);
-  if (!log->info.uuid.empty() && changed && *changed < mapped.committed) {
+  const bool same_vehicle = log->info.vehicle == mapped.run.vehicle;
+  if (!log->info.uuid.empty() && same_vehicle && changed && *changed < mapped.committed) {
     return std::optional<std::string>();
   }
   if (log->sha256.empty()) {

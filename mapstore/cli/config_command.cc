@@ -100,9 +100,6 @@ Status Application::State::ReportConfig(const std::string& asked,
       }
     }
   }
-  if (looked_at == 0) {
-    return InvalidArgument("unknown command '{}'{}", asked, DidYouMean(asked, CommandNames()));
-  }
   Json list = Json::array();
   AlignedTable table({"key", "value", "from", "commands"});
   for (const Row& row : rows) {
@@ -141,7 +138,14 @@ void Application::AddConfigCommand() {
       [asked, state](Context& context) {
         return state->ReportConfig(*asked, state->run_arguments, context);
       });
-  command.Option("COMMAND", asked.get(), "Of one command only, with its options");
+  command.Option("COMMAND", asked.get(), "Of one command only, with its options")
+      .Check([asked, state] {
+        const std::vector<std::string> names = state->CommandNames();
+        const bool known = asked->empty() || (*asked != "config" &&
+                                              std::count(names.begin(), names.end(), *asked) > 0);
+        return known ? ""
+                     : fmt::format("unknown command '{}'{}", *asked, DidYouMean(*asked, names));
+      });
   command.state_->parser->allow_extras();
 }
 

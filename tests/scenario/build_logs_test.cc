@@ -283,6 +283,7 @@ TEST_F(BuildLogs, LogsOfTwoTimesWithOneUuidAreNamed) {
   shiftmap::Run first = ReadShift(0);
   shiftmap::Run second = ReadShift(1);
   second.info.uuid = first.info.uuid = "00000000-0000-4000-8000-000000000001";
+  second.info.vehicle = first.info.vehicle;
   second.scans.resize(second.scans.size() / 2);
   const std::vector<std::string> logs = {Log("first.mcap", first), Log("second.mcap", second)};
   for (const std::size_t mapped : {0, 1}) {
@@ -298,6 +299,27 @@ TEST_F(BuildLogs, LogsOfTwoTimesWithOneUuidAreNamed) {
       built.err.find("second.mcap': has the run UUID, but not the time, of run log '" + logs[0]),
       std::string::npos)
       << built.err;
+}
+
+// Two vehicles with one image of a disk may draw one UUID, at one time too.
+TEST_F(BuildLogs, LogsOfTwoVehiclesWithOneUuidAreNamed) {
+  shiftmap::Run first = ReadShift(0);
+  first.info.uuid = "00000000-0000-4000-8000-000000000001";
+  shiftmap::Run second = first;
+  second.info.vehicle = first.info.vehicle + "-duplicate";
+  second.scans.resize(second.scans.size() / 2);
+  const std::vector<std::string> logs = {Log("first.mcap", first), Log("second.mcap", second)};
+  const CommandResult built =
+      RunCommand("shiftmap-mapper", Build({"--dry-run", "--prior", "none", logs[0], logs[1]}));
+  EXPECT_NE(
+      built.err.find("second.mcap': has the run UUID, but not the vehicle, of run log '" + logs[0]),
+      std::string::npos)
+      << built.err;
+  ASSERT_NE(RunCommand("shiftmap-mapper", Build({"--prior", "none", logs[0]})).exit_code, 3);
+  ExpectError("shiftmap-mapper",
+              Build({logs[1]}),
+              kNothingToDo,
+              "has a run of vehicle '" + first.info.vehicle + "' with its run UUID");
 }
 
 // Without a clock all begin at one time.

@@ -180,7 +180,7 @@ TEST_F(SiteConfigTest, TheConfigCommandTellsWhatHoldsAndWhy) {
   ASSERT_EQ(all.Run({"config"}), 0) << all.err.str();
   EXPECT_THAT(all.out.str(), HasSubstr(path_ + ":1"));
   Mapper wrong;
-  EXPECT_EQ(wrong.Run({"config", "biuld"}), 3);
+  EXPECT_EQ(wrong.Run({"config", "biuld"}), 2);
   EXPECT_THAT(wrong.err.str(), HasSubstr("did you mean 'build'?"));
 }
 
