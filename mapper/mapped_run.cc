@@ -24,6 +24,8 @@ Se2 StartPose(const BuildRun& run) {
       run.data->odometry, run.odometry, run.data->frames.front().stamp, run.poses.front());
 }
 
+void AnchorFrame(BuildState* build) { MoveBuild(StartPose(build->runs.front()).Inverse(), build); }
+
 MappedRun MakeMappedRun(const BuildState& build, RunIndex index) {
   const BuildRun& run = build.runs[index];
   MappedRun mapped;

@@ -41,6 +41,9 @@ Se2 PoseAtBegin(std::span<const OdometrySample> odometry,
 /// odometry.
 Se2 StartPose(const BuildRun& run);
 
+/// Puts the start of the earliest run at the origin of the map.
+void AnchorFrame(BuildState* build);
+
 /// What became of run `index` of a solved build, but for its evidence and visibility.
 MappedRun MakeMappedRun(const BuildState& build, RunIndex index);
 

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "mapper/build_progress.h"
 #include "mapper/calibration/vehicle_calibration.h"
 #include "mapper/chain/group_chains.h"
 #include "mapper/mapped_run.h"
@@ -64,18 +65,6 @@ struct MapperResult {
   std::vector<RunRecord> older;             ///< What older runs say of new modes.
   std::vector<GroupChain> chains;           ///< As learned, one per group of the content; or none.
 };
-
-/// Where a build is.
-struct MapperProgress {
-  std::string phase;  ///< What it does now.
-  double done = 0.0;  ///< Of the whole build, in [0, 1].
-  double cost = 0.0;  ///< Half the sum of all losses at the last solve of what the phase is about.
-  std::size_t modes = 0;  ///< That it has by now.
-};
-
-/// Called as a build goes on, at least before every solve; false asks it to stop. One call at a
-/// time, from any of the threads of the build.
-using MapperMonitor = std::function<bool(const MapperProgress&)>;
 
 /// Builds a map of one area from runs of any vehicles and days, IJRR 3-7 as a graph:
 ///

@@ -129,6 +129,16 @@ int RemoveRunsOfOutliers(BuildState* build) {
   return KeepRuns(keep, kOutliersReason, build);
 }
 
+Status RemoveRunsOfNoMode(BuildState* build) {
+  RemoveRunsOfOutliers(build);
+  return RequireRuns(!build->runs.empty() || !build->waiting.empty(), build->left_out);
+}
+
+Status RemoveUntiedRuns(BuildState* build) {
+  if (!build->runs.empty()) RemoveUnconstrainedRuns(build);
+  return RemoveRunsOfNoMode(build);
+}
+
 bool RemoveRunWithMostModes(BuildState* build) {
   if (build->runs.size() < 2) return false;
   const std::vector<int> own = Ties(*build).OwnModes();

@@ -3,6 +3,7 @@
 
 #include "mapper/mapper_options.h"
 #include "mapper/state/build_state.h"
+#include "proto/core/status.h"
 
 namespace shiftmap {
 
@@ -26,6 +27,13 @@ inline constexpr char kOutliersReason[] =
 /// Takes out runs without a mode: they have nothing in the map. Otherwise as
 /// RemoveUnconstrainedRuns(), which leaves one run by itself as it is.
 int RemoveRunsOfOutliers(BuildState* build);
+
+/// The same, and an error (kInvalidArgument) if no run is left then and none waits.
+Status RemoveRunsOfNoMode(BuildState* build);
+
+/// Takes out what others that were taken out leave untied, and runs without a mode. Errors: the
+/// same.
+Status RemoveUntiedRuns(BuildState* build);
 
 /// Why a run whose modes take too much memory is left out.
 inline constexpr char kTooLargeReason[] = "its landmarks take too much memory";

@@ -18,4 +18,10 @@ std::string ReasonsOf(const std::vector<RejectedRun>& rejected) {
   return reasons;
 }
 
+Status RequireRuns(bool any, const std::vector<RejectedRun>& rejected) {
+  if (any) return OkStatus();
+  if (rejected.empty()) return InvalidArgument("no runs to build from");
+  return InvalidArgument("no run can be used: {}", ReasonsOf(rejected));
+}
+
 }  // namespace shiftmap

@@ -10,6 +10,7 @@
 
 #include "mapper/alignment/explanation.h"
 #include "mapper/index.h"
+#include "proto/core/status.h"
 
 namespace shiftmap {
 
@@ -29,6 +30,9 @@ struct RejectedRun {
 /// "run 'a': reason; run 'b': reason", of the first runs that are not mapped; how many more there
 /// are.
 std::string ReasonsOf(const std::vector<RejectedRun>& rejected);
+
+/// kInvalidArgument with the reasons if there is no run.
+Status RequireRuns(bool any, const std::vector<RejectedRun>& rejected);
 
 /// How much worse a run fits with its landmarks where a joint map has them than by itself
 /// (mapper/METHOD.md, 6).
