@@ -15,9 +15,13 @@
 namespace shiftmap {
 namespace {
 
-// Wheels wear and loads shift, and the field of view has errors of its own: log-scales may wander
-// by this much per √s.
+// Wheels wear and loads shift: log-scales of odometry may wander by this much per √s.
 constexpr double kLogScaleWalk = 5e-4;
+
+// The log range scale is an Ornstein-Uhlenbeck process about 0 with this time. It, the scale of
+// odometry and the map's common scale make up for each other: nothing in the data resists a common
+// drift, and linearization errors cause one. [s]
+constexpr double kRangeScaleTime = 300.0;
 
 // A mode that is known less exactly than this share of its distance is not where dq/dz is taken.
 constexpr double kVagueShare = 0.2;
@@ -207,16 +211,17 @@ void KnownMapFilter::Predict(const MotionIncrement& increment, double elapsed_s)
   const Se2 T_begin_end = increment.T_begin_end * Se2::Exp(J * log_scale_.head<2>());
   MoveTo(T_map_vehicle_ * T_begin_end);
 
+  const double kept = std::exp(-elapsed_s / kRangeScaleTime);
+  log_scale_.z() *= kept;
+
   StateMatrix F = StateMatrix::Identity();
   F.topLeftCorner<3, 3>() = T_begin_end.InverseAdjoint();
   F.block<3, 2>(0, 3) = J;
+  F(kRangeScale, kRangeScale) = kept;
   StateMatrix Q = StateMatrix::Zero();
   Q.topLeftCorner<3, 3>() = increment.cov;
-  Q.diagonal().tail<3>().setConstant(kLogScaleWalk * kLogScaleWalk * elapsed_s);
-  // A sensor that has seen nothing for hours measures as it did.
-  if (P_(kRangeScale, kRangeScale) > kSdLogRangeScale * kSdLogRangeScale) {
-    Q(kRangeScale, kRangeScale) = 0.0;
-  }
+  Q.diagonal().segment<2>(3).setConstant(kLogScaleWalk * kLogScaleWalk * elapsed_s);
+  Q(kRangeScale, kRangeScale) = kSdLogRangeScale * kSdLogRangeScale * (1.0 - kept * kept);
   P_ = Symmetrized(StateMatrix(F * P_ * F.transpose() + Q));
   shared_errors_.Predict(F, Q, elapsed_s);
   range_bearing_bias_.cross = F * range_bearing_bias_.cross;

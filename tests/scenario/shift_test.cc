@@ -448,5 +448,32 @@ TEST_F(ShiftTest, PlotIsWellFormed) {
             std::string::npos);
 }
 
+// The scales of ranges, odometry and map make up for each other: nothing but their priors keeps
+// them from drifting together.
+TEST(LongShift, IsAsExactAtItsEndAsAtItsBegin) {
+  for (const char* seed : {"1", "2"}) {
+    const World world({"--shifts",
+                       "2",
+                       "--vehicles",
+                       "1",
+                       "--mode-change-probability",
+                       "0",
+                       "--size-m",
+                       "28",
+                       "--duration-s",
+                       "4800",
+                       "--seed",
+                       seed});
+    const std::string store = world.File("maps.db");
+    RunForJson("shiftmap-mapper", world.BuildOf("maps.db", {0}));
+    const std::string driven = world.File("driven.tum");
+    RunForJson("shiftmap-localizer",
+               {"run", "--store", store, "--area", "floor", "--trajectory", driven, world.Log(1)});
+    const Json error =
+        RunForJson("shiftmap-eval", {"trajectory", driven, world.Truth(1), "--align"});
+    EXPECT_LT(error["position_rmse_m"], 0.1) << "seed " << seed;
+  }
+}
+
 }  // namespace
 }  // namespace shiftmap::testing
