@@ -18,9 +18,9 @@ namespace {
 // Wheels wear and loads shift: log-scales of odometry may wander by this much per √s.
 constexpr double kLogScaleWalk = 5e-4;
 
-// The log range scale is an Ornstein-Uhlenbeck process about 0 with this time. It, the scale of
-// odometry and the map's common scale make up for each other: nothing in the data resists a common
-// drift, and linearization errors cause one. [s]
+// Correlation time of the log range scale, an Ornstein-Uhlenbeck process about 0. [s]
+// The data hardly observe a common drift of this scale, that of odometry and that of the map, which
+// linearization errors cause.
 constexpr double kRangeScaleTime = 300.0;
 
 // A mode that is known less exactly than this share of its distance is not where dq/dz is taken.

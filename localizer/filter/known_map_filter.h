@@ -54,8 +54,8 @@ class KnownMapFilter {
   /// Standard deviation of the sensor's bias over that of its noise.
   static constexpr double kBiasShare = 0.7;
 
-  /// Standard deviation of the log range scale at the start: sensors of one kind differ by it. The
-  /// sensor noise of a map contains the same spread (DECISIONS.md). [-]
+  /// Standard deviation of the log range scale, at the start and in the long run: sensors of one
+  /// kind differ by it. The sensor noise of a map contains the same spread (DECISIONS.md). [-]
   static constexpr double kSdLogRangeScale = 0.02;
 
   /// Beyond these variances lose the digits that tell landmarks apart. [m], [rad]

@@ -22,13 +22,13 @@
 namespace shiftmap {
 namespace {
 
-// A run that is put back may be what another one is to be held against.
+// A run that is relocated may be the one with which another has to agree.
 constexpr int kRelocationRounds = 3;
 
 // Poses runs without the modes that were displaced from one of several places of the prior map. A
-// run by itself may have one mode of a door, between its places, and poses that fit it: its visits
-// are not told apart from there. A run that mostly has such modes, or few of the prior map beside
-// them, would come apart, and stays.
+// run by itself may have one mode of a door, between its places, and poses that fit this mode: with
+// them selection cannot assign the visits to the places. A run keeps its poses if most of its modes
+// are such modes, or too few others of the prior map tie it.
 void PoseByOthers(const MapperOptions& options, BuildState* build) {
   const auto may_be_between = [&](const BuildModeRef& ref) {
     const LandmarkGroup* const known = build->Known(ref.group);

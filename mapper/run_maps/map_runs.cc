@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "mapper/run_maps/map_runs.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <optional>
 #include <string>
@@ -42,7 +44,7 @@ StatusOr<std::vector<RunMap>> MapRuns(const std::vector<MappingRun>& runs,
                                       const MapperOptions& options,
                                       BuildWatch* watch,
                                       std::vector<RejectedRun>* rejected) {
-  MapperOptions alone = options;  // Threads that runs leave go to what is inside each.
+  MapperOptions alone = options;  // Each run gets an equal share of the threads.
   alone.threads = std::max(1, options.threads / std::max(1, static_cast<int>(runs.size())));
   std::vector<BuildState> builds(runs.size());
   ForEachIndex(runs.size(), options.threads, [&](std::size_t i) {

@@ -318,6 +318,14 @@ TEST_F(EditScenarioTest, TwoModesAtOnePlaceAreOneInTheNextBuild) {
   const Json group = Group(kEdited, signature);
   const Json plain = Group(kPlain, signature);
   ASSERT_EQ(group["modes"].size(), plain["modes"].size());
+  const Json diff = RunForJson(
+      "shiftmap-inspect", {"diff", "2", "3", "--store", world_->File(kEdited), "--area", "floor"});
+  const auto changed =
+      std::find_if(diff.at("groups").begin(), diff.at("groups").end(), [&](const Json& of) {
+        return of.at("signature") == signature;
+      });
+  ASSERT_NE(changed, diff.at("groups").end());
+  EXPECT_EQ(changed->at("modes_merged").size(), 1U);
   const Json& mode = group["modes"].back();
   const Json& alone = plain["modes"].back();
   EXPECT_NEAR(mode["probability"].get<double>(), alone["probability"].get<double>(), 0.02);
