@@ -55,7 +55,7 @@ HypothesisBank::HypothesisBank(MapSnapshot snapshot,
                                Stamp stamp)
     : snapshot_(std::move(snapshot)),
       options_(options),
-      view_(snapshot_.calibration().sensor),
+      view_(snapshot_.calibration().sensor, options.field_of_view.own),
       grid_(snapshot_, snapshot_.calibration().sensor.max_range_m),
       gate_(ChiSquareQuantile(options.gate_probability, 2)),
       unknown_place_density_(UnknownPlaceDensity(snapshot_)),
@@ -251,7 +251,7 @@ bool HypothesisBank::InView(int group, double threshold) const {
   for (int state = 1; state <= modes; ++state) {
     if (FarOutsideSector(GroupAt(group).modes[static_cast<std::size_t>(state) - 1])) continue;
     const KnownMapFilter::Point point = best().filter.PredictPoint({group, state}, snapshot_);
-    if (InViewProbability(point) > threshold) return true;
+    if (InView(point).own > threshold) return true;
   }
   return false;
 }

@@ -144,7 +144,7 @@ class HypothesisBank {
   }
   bool FarOutsideSector(const Mode& mode) const;
   bool InView(int group, double threshold) const;
-  double InViewProbability(const KnownMapFilter::Point& point) const {
+  InViewProbability InView(const KnownMapFilter::Point& point) const {
     return view_.Probability(point.q, point.cov_q);
   }
   double LogDetection(double in_view) const;

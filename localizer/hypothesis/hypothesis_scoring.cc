@@ -71,6 +71,7 @@ struct HypothesisBank::SeenObservation {
 
 void HypothesisBank::Take(const Observation& observation, std::size_t index, int group) {
   AllowForSlip();
+  view_.Saw(observation.PositionInVehicle());
   SeenObservation seen(observation,
                        group,
                        tree_.BeliefIndex(group),
@@ -111,11 +112,11 @@ HypothesisBank::ModeScore HypothesisBank::Score(const Leaf& leaf,
                                                 int state) const {
   const double detection = snapshot_.calibration().sensor.detection_probability;
   const KnownMapFilter::Point point = leaf.filter.PredictPoint({seen.group, state}, snapshot_);
-  const double in_view = InViewProbability(point);
+  const InViewProbability in_view = InView(point);
   ModeScore score;
   score.prediction = leaf.filter.PredictObservation(seen.measurement, point);
-  score.log_detection = LogDetection(in_view);
-  score.log_miss = std::log1p(-detection * in_view);
+  score.log_detection = LogDetection(in_view.sensor);
+  score.log_miss = std::log1p(-detection * in_view.own);
   return score;
 }
 
@@ -155,11 +156,11 @@ double HypothesisBank::TakeAsAbsent(const SeenObservation& seen,
   }
   const double detection = snapshot_.calibration().sensor.detection_probability;
   const KnownMapFilter::Prediction prediction = leaf->filter.PredictPlace(*place, seen.measurement);
-  const double in_view = InViewProbability(prediction.point);
+  const InViewProbability in_view = InView(prediction.point);
   const double log_here = LogAtPlace(prediction, *place, *leaf);
   double log_clutter = seen.log_any;
-  AddMiss(0, std::log1p(-detection * in_view), Occluded(), belief, &log_clutter);
-  const double log_outlier = std::log(kOutlierShare) + LogDetection(in_view) +
+  AddMiss(0, std::log1p(-detection * in_view.own), Occluded(), belief, &log_clutter);
+  const double log_outlier = std::log(kOutlierShare) + LogDetection(in_view.sensor) +
                              leaf->filter.PredictPlace(*place, seen.outlier).LogLikelihood();
   const double log_not_here = LogAdd(log_clutter, log_outlier);
   const bool here = log_here > log_not_here;
@@ -211,7 +212,7 @@ double HypothesisBank::TakeAsSameView(const SeenObservation& seen,
 double HypothesisBank::LogAtPlace(const KnownMapFilter::Prediction& prediction,
                                   const UnknownPlace& place,
                                   const Leaf& leaf) const {
-  return LogDetection(InViewProbability(prediction.point)) +
+  return LogDetection(InView(prediction.point).sensor) +
          leaf.filter.LogLikelihood(prediction, place, snapshot_);
 }
 
@@ -412,7 +413,7 @@ void HypothesisBank::Miss(int group) {
   for (Leaf* leaf : tree_.leaves().all()) {
     PlaceBelief& belief = leaf->beliefs[index];
     const auto in_view = [&](int state) {
-      return InViewProbability(leaf->filter.PredictPoint({group, state}, snapshot_));
+      return InView(leaf->filter.PredictPoint({group, state}, snapshot_)).own;
     };
     MissModes(snapshot_.calibration().sensor, in_view, &belief, &leaf->log_weight);
     if (belief.resolved != GroupBelief::kUnresolved) continue;
@@ -426,7 +427,7 @@ void HypothesisBank::MissPlace(const Leaf& leaf, PlaceBelief* belief) const {
   const UnknownPlace* const place = leaf.filter.FindPlace(belief->group);
   if (!place) return;
   const double detection = snapshot_.calibration().sensor.detection_probability;
-  const double in_view = InViewProbability(leaf.filter.PredictPlace(*place));
+  const double in_view = InView(leaf.filter.PredictPlace(*place)).own;
   if (in_view == 0.0) return;
   double log_here = std::log(belief->place_probability);
   AddMiss(0, std::log1p(-detection * in_view), Occluded(), belief, &log_here);

@@ -66,13 +66,24 @@ void FieldOfView::Look(const LidarView* lidar) {
   polygon_.SetVehicle(lidar->T_scan_now);
 }
 
-double FieldOfView::Probability(const Eigen::Vector2d& q, const Eigen::Matrix2d& cov_q) const {
-  const double sector = SectorFieldOfView(RangeBearing(q), CovRangeBearing(q, cov_q), sensor_);
-  return by_lidar_ && sector > 0.0 ? sector * share_(polygon_, q, cov_q) : sector;
+InViewProbability FieldOfView::Probability(const Eigen::Vector2d& q,
+                                           const Eigen::Matrix2d& cov_q) const {
+  const Eigen::Vector2d z = RangeBearing(q);
+  const Eigen::Matrix2d cov = CovRangeBearing(q, cov_q);
+  InViewProbability in_view;
+  in_view.sensor = SectorFieldOfView(z, cov, sensor_);
+  if (!(in_view.sensor > 0.0)) return in_view;
+  in_view.own = own_.IsWhole() ? in_view.sensor : SectorFieldOfView(z, cov, own_.sensor());
+  if (by_lidar_) {
+    const double share = share_(polygon_, q, cov_q);
+    in_view.sensor *= share;
+    in_view.own *= share;
+  }
+  return in_view;
 }
 
 bool FieldOfView::WellInView(const Eigen::Vector2d& q) const {
-  if (!shiftmap::WellInView(q, sensor_)) return false;
+  if (!shiftmap::WellInView(q, own_.sensor())) return false;
   // Half of what the area is grown by: what stands on a wall is in view of it.
   const double clear_m = 0.5 * kGrownM;
   return !by_lidar_ || polygon_.ContainsDisc(q, clear_m).value_or(false);

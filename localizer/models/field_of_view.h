@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "localizer/models/own_field_of_view.h"
 #include "localizer/models/scan_polygon.h"
 #include "mapstore/core/stamp.h"
 #include "mapstore/geometry/se2.h"
@@ -30,6 +31,10 @@ struct FieldOfViewOptions {
   /// Largest age of a lidar scan at an observation, > 0. A larger age serves a slower lidar, but
   /// moving obstacles go farther in that time. [s]
   double max_lidar_age_s = 0.5;
+
+  /// Silence counts where the vehicle itself has seen landmarks (OwnFieldOfView); false: wherever
+  /// the map's sensor reaches, as if all vehicles had it.
+  bool own = true;
 };
 
 /// The last scan of a lidar, as seen from where the vehicle is now.
@@ -45,6 +50,13 @@ struct LidarView {
   void Move(const Se2& T_begin_end, double elapsed_s, Stamp now, double max_age_s);
 };
 
+/// P_FOV of a place, each in [0, 1].
+struct InViewProbability {
+  double sensor = 0.0;  ///< Of the map's sensor: what is seen was in it.
+  double own =
+      0.0;  ///< Of what the vehicle itself has seen to: only here silence tells. <= sensor.
+};
+
 /// Where the sensor sees landmarks at a time: P_FOV by one of two models.
 ///
 /// The sector is what the sensor reaches. With a lidar's scan P_FOV is that of the sector times the
@@ -54,25 +66,31 @@ struct LidarView {
 /// Memory: that of the largest scan, reused. Threads: const-safe.
 class FieldOfView {
  public:
-  explicit FieldOfView(const SensorCalibration& sensor) : sensor_(sensor) {}
+  /// @param own  As FieldOfViewOptions::own.
+  explicit FieldOfView(const SensorCalibration& sensor, bool own = true)
+      : sensor_(sensor), own_(own ? OwnFieldOfView(sensor) : OwnFieldOfView::Whole(sensor)) {}
 
   /// What is asked from now on is of the time of this view. The polygon of a scan is made once.
   /// @param lidar  Its scan is valid by ValidateEvent(). Null: no lidar.
   void Look(const LidarView* lidar);
 
-  /// P_FOV, in [0, 1].
+  /// The vehicle saw a landmark of the map, wherever that stands now.
+  /// @param q  Vehicle frame. [m]
+  void Saw(const Eigen::Vector2d& q) { own_.Add(q); }
+
   /// @param q      Expected place of a landmark, vehicle frame. [m]
   /// @param cov_q  Under the uncertainty of pose and landmark. [m²]
   /// @return 0 if a value is NaN.
-  double Probability(const Eigen::Vector2d& q, const Eigen::Matrix2d& cov_q) const;
+  InViewProbability Probability(const Eigen::Vector2d& q, const Eigen::Matrix2d& cov_q) const;
 
-  /// True if a point is in view whatever the uncertainty of the pose: clear of all limits, and not
-  /// too near.
+  /// True if a point is in the vehicle's own view whatever the uncertainty of the pose: clear of
+  /// all limits, and not too near.
   /// @param q  Vehicle frame. [m]
   bool WellInView(const Eigen::Vector2d& q) const;
 
  private:
   SensorCalibration sensor_;
+  OwnFieldOfView own_;
   ScanPolygonShare share_;
   ScanPolygon polygon_;
   std::optional<Stamp> polygon_stamp_;  // Of the scan that polygon_ is of.

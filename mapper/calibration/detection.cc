@@ -6,6 +6,7 @@
 #include <optional>
 #include <vector>
 
+#include "localizer/models/own_field_of_view.h"
 #include "mapper/state/sightings.h"
 #include "mapstore/core/quantile.h"
 
@@ -63,11 +64,22 @@ ModeGrid GridOf(const BuildState& build, double cell_m) {
   return grid;
 }
 
+SensorCalibration SensorOf(const BuildState& build,
+                           const SensorCalibration& sensor,
+                           const BuildRun& run) {
+  OwnFieldOfView own(sensor);
+  for (const Sighting& sighting : run.data->sightings) {
+    if (IsInlier(build, run, sighting)) own.Add(sighting.observation.PositionInVehicle());
+  }
+  return own.sensor();
+}
+
 void CountDetections(const BuildState& build,
                      const SensorCalibration& sensor,
                      const ModeGrid& grid,
                      const BuildRun& run,
                      DetectionCount* count) {
+  const SensorCalibration own = SensorOf(build, sensor, run);
   StandingModes standing(build, run);
   // The last frame of each group.
   IndexedVector<GroupIndex, std::optional<FrameIndex>> seen_at(build.modes.size());
@@ -84,10 +96,10 @@ void CountDetections(const BuildState& build,
     }
     const Se2 T_vehicle_map = run.poses[now].Inverse();
     const Eigen::Vector2d p_map_vehicle = run.poses[now].translation();
-    grid.VisitNear(p_map_vehicle, sensor.max_range_m, [&](const ModeGrid::Entry& entry) {
+    grid.VisitNear(p_map_vehicle, own.max_range_m, [&](const ModeGrid::Entry& entry) {
       const int seen = seen_at[GroupIndex(entry.group)] == now ? 1 : 0;
       if (all_seen - seen == 0 || !standing.Stands(entry)) return;
-      if (!InFieldOfView(sensor, T_vehicle_map * entry.p_map_landmark)) return;
+      if (!InFieldOfView(own, T_vehicle_map * entry.p_map_landmark)) return;
       count->expected += 1.0;
       count->detected += seen;
     });

@@ -96,6 +96,7 @@ class MissCollector {
   std::vector<SeenMode> AddRun(RunIndex run_index) {
     const BuildRun& run = problem_.runs[run_index];
     RunTimeline timeline(problem_, run);
+    sensor_ = SensorOf(problem_, problem_.sensor, run);
     open_.assign(flat_.count(), {});
     LastFrames seen_at(problem_.modes.size());
     for (const FrameIndex frame : run.data->frames.indices()) {
@@ -132,10 +133,10 @@ class MissCollector {
     const Stamp stamp = run.data->frames[frame].stamp;
     const Se2& T_map_vehicle = run.poses[frame];
     const Se2 T_vehicle_map = T_map_vehicle.Inverse();
-    const double range_m = problem_.sensor.max_range_m;
-    grid_.VisitNear(T_map_vehicle.translation(), range_m, [&](const ModeGrid::Entry& entry) {
-      if (!WellInView(T_vehicle_map * entry.p_map_landmark, problem_.sensor)) return;
-      const std::size_t direction = DirectionOf(T_map_vehicle.translation() - entry.p_map_landmark);
+    const Eigen::Vector2d& p = T_map_vehicle.translation();
+    grid_.VisitNear(p, sensor_.max_range_m, [&](const ModeGrid::Entry& entry) {
+      if (!WellInView(T_vehicle_map * entry.p_map_landmark, sensor_)) return;
+      const std::size_t direction = DirectionOf(p - entry.p_map_landmark);
       const GroupIndex group(entry.group);
       const GroupModeIndex mode(entry.mode);
       const OptionalMode before = timeline.Before(group);
@@ -188,6 +189,7 @@ class MissCollector {
   FlatModes flat_;
   ModeGrid grid_;
   IndexedVector<ModeIndex, Visibility> visibility_;
+  SensorCalibration sensor_;                   // With the present run's own field of view.
   IndexedVector<ModeIndex, Visibility> seen_;  // What the present run adds.
   IndexedVector<ModeIndex, OpenGap> open_;     // Of the present run.
   std::map<GapRef, std::map<GroupModeIndex, MissedMode>> gaps_;

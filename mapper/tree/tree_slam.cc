@@ -219,7 +219,7 @@ double TreeSlam::InView(const SlamState::Relative& relative) const {
   if (relative.q_vehicle.norm() > sensor_.max_range_m + kFarSd * std::sqrt(relative.cov.trace())) {
     return 0.0;
   }
-  return view_.Probability(relative.q_vehicle, relative.cov);
+  return view_.Probability(relative.q_vehicle, relative.cov).sensor;
 }
 
 double TreeSlam::InView(const SlamMap& map, int landmark) const {

@@ -37,6 +37,13 @@ Scan ScanOf(const MapContent& content, double at_s, const Eigen::Vector2d& z) {
   return scan;
 }
 
+// Of a vehicle that sees as far as the map says before it has shown so.
+HypothesisOptions OfTheMapsView() {
+  HypothesisOptions options;
+  options.field_of_view.own = false;
+  return options;
+}
+
 TEST(HypothesisBank, DecidesForTheModeThatIsSeen) {
   const MapContent content = OneGroup({4.0, 0.0}, {4.0, 2.5});
   HypothesisBank bank(Snapshot(content), {}, AtOrigin(0.1), StampFromSeconds(1000.0));
@@ -77,7 +84,7 @@ TEST(HypothesisBank, AVisitEndsAndTheChainRunsOn) {
 TEST(HypothesisBank, ALandmarkAtTheEdgeOfViewStaysWhereItWas) {
   const MapContent content = OneGroup({4.0, 0.0}, {500.0, 0.0});
   const SensorCalibration& sensor = content.calibration.sensor;
-  const HypothesisOptions options;
+  const HypothesisOptions options = OfTheMapsView();
   HypothesisBank bank(Snapshot(content), options, AtOrigin(0.1), StampFromSeconds(1000.0));
   Scan empty;
   empty.stamp = StampFromSeconds(1000.0);
@@ -90,7 +97,7 @@ TEST(HypothesisBank, ALandmarkAtTheEdgeOfViewStaysWhereItWas) {
   };
   const auto in_view = [&] {
     const auto point = bank.best().filter.PredictPoint({0, 1}, Snapshot(content));
-    return bank.field_of_view().Probability(point.q, point.cov_q);
+    return bank.field_of_view().Probability(point.q, point.cov_q).own;
   };
   const auto visits_after = [&](double seconds) {
     for (double waited_s = 0.0; waited_s < seconds; waited_s += 1.0) {
@@ -117,7 +124,7 @@ TEST(HypothesisBank, ALandmarkAtTheEdgeOfViewStaysWhereItWas) {
 // T-IV VI-A, for every mode.
 TEST(HypothesisBank, ModesShareAFilterUntilAnObservationTellsThemApart) {
   const MapContent content = OneGroup({4.0, 0.0}, {4.0, 1.0});
-  HypothesisBank bank(Snapshot(content), {}, AtOrigin(0.5), StampFromSeconds(1000.0));
+  HypothesisBank bank(Snapshot(content), OfTheMapsView(), AtOrigin(0.5), StampFromSeconds(1000.0));
   Scan empty;
   empty.stamp = StampFromSeconds(1000.0);
   bank.Correct(empty);
@@ -145,7 +152,7 @@ TEST(HypothesisBank, WhatIsSeenOutOfViewCountsAsInView) {
 
 TEST(HypothesisBank, SilenceProvesNoMoreThanAnOcclusionAllows) {
   const MapContent content = OneGroup({4.0, 0.0}, {40.0, 40.0});
-  HypothesisBank bank(Snapshot(content), {}, AtOrigin(0.1), StampFromSeconds(1000.0));
+  HypothesisBank bank(Snapshot(content), OfTheMapsView(), AtOrigin(0.1), StampFromSeconds(1000.0));
   Scan empty;
   for (int i = 0; i < 2000; ++i) {
     empty.stamp = StampFromSeconds(1000.0 + 0.3 * i);
@@ -156,6 +163,33 @@ TEST(HypothesisBank, SilenceProvesNoMoreThanAnOcclusionAllows) {
   const double occluded = content.calibration.sensor.occluded_visit_probability;
   EXPECT_NEAR(evidence[0].modes[1].log_likelihood, std::log(occluded), 1e-6);
   EXPECT_NEAR(evidence[0].modes[0].log_likelihood, 0.0, 1e-6);
+}
+
+// What a vehicle cannot see it does not miss: another landmark shows how far it sees.
+TEST(HypothesisBank, SilenceCountsAsFarAsTheVehicleHasSeen) {
+  const auto log_odds_after = [](double seen_at_m) {
+    MapContent content = MakeTwoModeMap(2, 10.0, 1);
+    for (LandmarkGroup& group : content.groups) {
+      group.modes[0].p_map_landmark = {5.0, 0.0};
+      group.modes[1].p_map_landmark = {500.0, 0.0};
+    }
+    content.groups[1].modes[0].p_map_landmark = {seen_at_m, 0.0};
+    HypothesisBank bank(Snapshot(content), {}, AtOrigin(0.1), StampFromSeconds(1000.0));
+    Scan scan;
+    scan.observations.resize(1);
+    scan.observations[0].signature = content.groups[1].signature;
+    scan.observations[0].z = {seen_at_m, 0.0};
+    for (int i = 0; i < 100; ++i) {
+      scan.stamp = StampFromSeconds(1000.0 + 0.3 * i);
+      bank.Correct(scan);
+    }
+    const Eigen::VectorXd p = bank.Probabilities(0);
+    return std::log(p[1] / p[0]);
+  };
+  const double prior = std::log(0.9 / 0.02);
+  EXPECT_NEAR(log_odds_after(4.0), prior, 1e-3);
+  const double occluded = SensorCalibration().occluded_visit_probability;
+  EXPECT_NEAR(log_odds_after(7.0), prior + std::log(occluded), 1e-3);
 }
 
 // Where a landmark is seen from T_map_vehicle.

@@ -27,6 +27,13 @@ SensorCalibration Sensor() {
   return sensor;
 }
 
+// Of a vehicle that sees as far and as wide as the sensor.
+FieldOfView WholeView() {
+  FieldOfView view(Sensor());
+  view.Saw(Sensor().max_range_m * Eigen::Vector2d(std::cos(1.2), std::sin(1.2)));
+  return view;
+}
+
 // A room of 20 m by 20 m with a screen before the vehicle, 3 m ahead of the origin.
 std::vector<Wall> Room() {
   std::vector<Wall> walls =
@@ -55,7 +62,9 @@ void ExpectSame(const FieldOfView& a, const FieldOfView& b, double tolerance) {
   for (int i = 0; i < 500; ++i) {
     const Eigen::Vector2d q(uniform(random), uniform(random));
     const Eigen::Matrix2d cov = 1e-3 * std::abs(uniform(random)) * Eigen::Matrix2d::Identity();
-    ASSERT_NEAR(a.Probability(q, cov), b.Probability(q, cov), tolerance) << q.transpose();
+    ASSERT_NEAR(a.Probability(q, cov).sensor, b.Probability(q, cov).sensor, tolerance)
+        << q.transpose();
+    ASSERT_EQ(a.Probability(q, cov).own, a.Probability(q, cov).sensor);
     if (tolerance == 0.0) {
       ASSERT_EQ(a.WellInView(q), b.WellInView(q)) << q.transpose();
     }
@@ -70,8 +79,8 @@ LidarView ViewOf(const LidarScan& scan, Stamp now) {
 }
 
 TEST(FieldOfView, WithoutAScanOfTheTimeIsTheSector) {
-  const FieldOfView sector(Sensor());
-  FieldOfView polygon(Sensor());
+  const FieldOfView sector = WholeView();
+  FieldOfView polygon = WholeView();
   LidarView lidar;
   lidar.Move(Se2(), 0.1, At(0.0), kMaxAge);
   polygon.Look(&lidar);
@@ -87,7 +96,7 @@ TEST(FieldOfView, WithoutAScanOfTheTimeIsTheSector) {
   lidar = ViewOf(scan, At(0.5));
   EXPECT_TRUE(lidar.counts);
   polygon.Look(&lidar);
-  EXPECT_EQ(polygon.Probability({5.0, 0.0}, 1e-4 * Eigen::Matrix2d::Identity()), 0.0);
+  EXPECT_EQ(polygon.Probability({5.0, 0.0}, 1e-4 * Eigen::Matrix2d::Identity()).sensor, 0.0);
   polygon.Look(nullptr);
   ExpectSame(polygon, sector, 0.0);
 }
@@ -98,19 +107,40 @@ TEST(FieldOfView, SectorIsThatOfTheDetectionModel) {
   const double variance = 0.04;
   // An isotropic place is as uncertain along as across.
   const Eigen::Vector2d of_z(variance, variance / q.squaredNorm());
-  EXPECT_NEAR(view.Probability(q, variance * Eigen::Matrix2d::Identity()),
+  EXPECT_NEAR(view.Probability(q, variance * Eigen::Matrix2d::Identity()).sensor,
               SectorFieldOfView({q.norm(), std::atan2(q.y(), q.x())}, of_z.asDiagonal(), Sensor()),
               1e-12);
 }
 
+// What others see says nothing of what this vehicle should.
+TEST(FieldOfView, OfAVehicleIsWhereItHasSeenLandmarks) {
+  FieldOfView view(Sensor());
+  const Eigen::Matrix2d cov = 1e-4 * Eigen::Matrix2d::Identity();
+  const Eigen::Vector2d near(3.0, 0.0);
+  const Eigen::Vector2d far(6.0, 0.0);
+  const Eigen::Vector2d aside(1.0, 2.0);
+  for (const Eigen::Vector2d& q : {near, far, aside}) {
+    EXPECT_EQ(view.Probability(q, cov).own, 0.0);
+    EXPECT_FALSE(view.WellInView(q));
+  }
+  view.Saw({4.0, 0.5});
+  EXPECT_NEAR(view.Probability(near, cov).own, 1.0, 1e-9);
+  EXPECT_TRUE(view.WellInView(near));
+  for (const Eigen::Vector2d& q : {far, aside}) {
+    EXPECT_NEAR(view.Probability(q, cov).sensor, 1.0, 1e-9);
+    EXPECT_NEAR(view.Probability(q, cov).own, 0.0, 1e-9);
+    EXPECT_FALSE(view.WellInView(q));
+  }
+}
+
 TEST(FieldOfView, IsTheSectorWhereNothingStandsBeforeIt) {
-  const FieldOfView sector(Sensor());
-  FieldOfView polygon(Sensor());
+  const FieldOfView sector = WholeView();
+  FieldOfView polygon = WholeView();
   const LidarView lidar = ViewOf(ScanAt(Se2(), At(0.0)), At(0.0));
   polygon.Look(&lidar);
   const Eigen::Matrix2d cov = 0.0025 * Eigen::Matrix2d::Identity();
   const auto both = [&](const Eigen::Vector2d& q) {
-    return std::pair(polygon.Probability(q, cov), sector.Probability(q, cov));
+    return std::pair(polygon.Probability(q, cov).sensor, sector.Probability(q, cov).sensor);
   };
   for (const Eigen::Vector2d& q : {Eigen::Vector2d(5.0, 4.0),
                                    Eigen::Vector2d(2.0, 0.0),
@@ -129,7 +159,8 @@ TEST(FieldOfView, IsTheSectorWhereNothingStandsBeforeIt) {
   EXPECT_NEAR(both({3.5, 0.0}).first, 0.5, 0.2);
   EXPECT_FALSE(polygon.WellInView({3.5, 0.0}));
   const double nan = std::numeric_limits<double>::quiet_NaN();
-  EXPECT_EQ(polygon.Probability({nan, 0.0}, cov), 0.0);
+  EXPECT_EQ(polygon.Probability({nan, 0.0}, cov).sensor, 0.0);
+  EXPECT_EQ(polygon.Probability({nan, 0.0}, cov).own, 0.0);
 }
 
 // A scan that was made on the way is as good as one made at its end.
@@ -143,6 +174,7 @@ TEST(FieldOfView, ALidarScanKeepsItsPlaceWhileTheVehicleDrives) {
   lidar.Move(pose(0.25), 0.25, At(0.45), kMaxAge);
   moved.Look(&lidar);
   ASSERT_TRUE(lidar.counts);
+  const FieldOfView sector(Sensor());
   FieldOfView now(Sensor());
   const LidarView at_end = ViewOf(ScanAt(pose(0.45), At(0.45)), At(0.45));
   now.Look(&at_end);
@@ -154,8 +186,8 @@ TEST(FieldOfView, ALidarScanKeepsItsPlaceWhileTheVehicleDrives) {
   constexpr int kPoints = 2000;
   for (int i = 0; i < kPoints; ++i) {
     const Eigen::Vector2d q(uniform(random), uniform(random));
-    apart += std::abs(moved.Probability(q, cov) - now.Probability(q, cov)) > 0.3;
-    occluded += FieldOfView(Sensor()).Probability(q, cov) - now.Probability(q, cov) > 0.5;
+    apart += std::abs(moved.Probability(q, cov).sensor - now.Probability(q, cov).sensor) > 0.3;
+    occluded += sector.Probability(q, cov).sensor - now.Probability(q, cov).sensor > 0.5;
   }
   // The shadow of the screen as seen from there and from here.
   EXPECT_LT(apart, occluded / 4);

@@ -44,13 +44,15 @@ class MissedPassesTest : public ::testing::Test {
     lidar.scan.ranges_m.assign(181, wall_m.value_or(0.0f));
     const MapSnapshot snapshot = Snapshot(content_);
     MissedPasses missed(snapshot);
+    HypothesisOptions options;
+    options.field_of_view.own = false;
     int gone = 0;
     double t = 0.0;
     for (std::size_t pass = 0; pass < directions_rad.size(); ++pass, t += kApartS) {
       const Se2 turned(0.0, 0.0, directions_rad[pass]);
       const PoseWithCovariance pose{turned * Se2(-3.0, 0.0, 0.0),
                                     Eigen::Vector3d(1e-4, 1e-4, 1e-4).asDiagonal()};
-      HypothesisBank bank(snapshot, {}, pose, StampFromSeconds(1000.0 + t));
+      HypothesisBank bank(snapshot, options, pose, StampFromSeconds(1000.0 + t));
       for (double end = t + kPassS; t < end; t += kScanS) {
         Scan scan;
         scan.stamp = StampFromSeconds(1000.0 + t);

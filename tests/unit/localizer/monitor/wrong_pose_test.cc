@@ -86,7 +86,7 @@ struct Seen {
   }
 
   std::optional<PoseFault> Fault(const MapContent& content, const Se2& pose) const {
-    const FieldOfView sector(content.calibration.sensor);
+    const FieldOfView sector(content.calibration.sensor, false);
     return FindWrongPose({SureOf(pose), At(3.0), recent, health}, Snapshot(content), sector, {});
   }
 
