@@ -70,10 +70,22 @@ bool HasNoHeading(const OdometryBuffer::Motion& motion, const PoseWithCovariance
 
 // The position is too uncertain to know which landmarks are in reach: sightings may agree with any
 // pose.
-bool HasNoPlace(const PoseWithCovariance& pose, const SensorCalibration& sensor) {
-  return pose.cov_T_map_vehicle.topLeftCorner<2, 2>().trace() >
-             sensor.max_range_m * sensor.max_range_m ||
-         IsNowhere(pose);
+bool HasNoPlace(const HypothesisBank& bank, const SensorCalibration& sensor) {
+  const PoseWithCovariance pose = bank.best().filter.Pose();
+  const double limit = sensor.max_range_m * sensor.max_range_m;
+  if (IsNowhere(pose)) return true;
+  if (pose.cov_T_map_vehicle.topLeftCorner<2, 2>().trace() <= limit) return false;
+  const double sd = bank.SdAmongLandmarks();
+  return 2.0 * sd * sd > limit;
+}
+
+// True if the position among the landmarks is less certain than `limit_m` in some direction.
+bool IsVague(const HypothesisBank& bank, const PoseWithCovariance& pose, double limit_m) {
+  const Eigen::Matrix2d cov = pose.cov_T_map_vehicle.topLeftCorner<2, 2>();
+  if (LargestSd(cov) <= limit_m) return false;
+  const PoseWithCovariance best = bank.best().filter.Pose();
+  const double of_leaves = LargestSd(cov - best.cov_T_map_vehicle.topLeftCorner<2, 2>());
+  return std::hypot(bank.SdAmongLandmarks(), of_leaves) > limit_m;
 }
 
 // One landmark leaves open where about it the vehicle is.
@@ -90,10 +102,25 @@ bool AtTwoPlaces(const Observation& a, const Observation& b, const SensorCalibra
          kDuplicateSigmas * kDuplicateSigmas;
 }
 
+// The map without what its scale is uncertain by: the vehicle's ranges and odometry are calibrated
+// in the map's units.
+MapSnapshot InOwnUnits(MapSnapshot snapshot, MapScale* scale) {
+  MapContent content = snapshot.content();
+  *scale = RemoveScale(KnownMapFilter::kSdLogRangeScale, &content);
+  if (scale->sd == 0.0) return snapshot;
+  return MapSnapshot(snapshot.area(),
+                     snapshot.version(),
+                     snapshot.content_hash(),
+                     std::move(content),
+                     snapshot.ledger_position(),
+                     snapshot.aliases())
+      .ForVehicle(snapshot.calibrated_vehicle());
+}
+
 }  // namespace
 
 Localizer::Localizer(MapSnapshot snapshot, const LocalizerOptions& options)
-    : snapshot_(std::move(snapshot)),
+    : snapshot_(InOwnUnits(std::move(snapshot), &scale_)),
       options_(options),
       limits_(options.limits.For(snapshot_.calibration().sensor)),
       odometry_(snapshot_.calibration().odometry),
@@ -307,7 +334,7 @@ void Localizer::Step(const WindowScan& step) {
   way_.Add(step);
   bank_->Predict(step.motion.increment, step.motion.elapsed_s);
   const SensorCalibration& sensor = snapshot_.calibration().sensor;
-  const bool had_no_place = HasNoPlace(bank_->best().filter.Pose(), sensor);
+  const bool had_no_place = HasNoPlace(*bank_, sensor);
   const BankEvents& events = bank_->Correct(step.scan, &step.lidar);
   scan_stamp_ = step.scan.stamp;
 
@@ -315,10 +342,9 @@ void Localizer::Step(const WindowScan& step) {
   if (step.scan.stamp == now_) JudgeOdometry(events);
   const PoseWithCovariance best = bank_->best().filter.Pose();
   const PoseWithCovariance pose = bank_->Pose();
-  vague_ = LargestSd(pose.cov_T_map_vehicle.topLeftCorner<2, 2>()) >
-           options_.max_position_sd_m * (vague_ ? kNoLongerVague : 1.0);
+  vague_ = IsVague(*bank_, pose, options_.max_position_sd_m * (vague_ ? kNoLongerVague : 1.0));
   const bool unlocalized =
-      had_no_place || HasNoPlace(best, sensor) || HasNoHeading(step.motion, best);
+      had_no_place || HasNoPlace(*bank_, sensor) || HasNoHeading(step.motion, best);
   if (!health_.lost() && unlocalized) {
     health_.DeclareLost(step.scan.stamp);
     DistrustPose(health_.failing_since());
@@ -334,7 +360,7 @@ void Localizer::Step(const WindowScan& step) {
   // A restart replays scans that have had their estimate.
   if (!newest_estimate_ || step.scan.stamp > *newest_estimate_) {
     newest_estimate_ = step.scan.stamp;
-    new_estimates_.push_back({step.scan.stamp, pose, quality_.p_value()});
+    new_estimates_.push_back({step.scan.stamp, WithMapScale(pose), quality_.p_value()});
     for (const ObservationOutcome& outcome : events.outcomes) {
       new_innovations_.push_back({step.scan.stamp, outcome});
     }
@@ -612,7 +638,15 @@ void Localizer::Initialize(const PoseWithCovariance& pose) {
 
 std::optional<PoseEstimate> Localizer::Estimate() const {
   if (!bank_) return std::nullopt;
-  return PoseEstimate{scan_stamp_, bank_->Pose(), quality_.p_value()};
+  return PoseEstimate{scan_stamp_, WithMapScale(bank_->Pose()), quality_.p_value()};
+}
+
+PoseWithCovariance Localizer::WithMapScale(PoseWithCovariance pose) const {
+  const Se2& T_map_vehicle = pose.T_map_vehicle;
+  const Eigen::Vector2d q =
+      T_map_vehicle.Rotation().transpose() * (T_map_vehicle.translation() - scale_.p_map_centroid);
+  pose.cov_T_map_vehicle.topLeftCorner<2, 2>() += scale_.sd * scale_.sd * q * q.transpose();
+  return pose;
 }
 
 LocalizerStatistics Localizer::Statistics() const {

@@ -22,6 +22,7 @@
 #include "localizer/monitor/recent_scans.h"
 #include "localizer/monitor/sighting_collector.h"
 #include "localizer/monitor/state_change.h"
+#include "mapstore/map/map_scale.h"
 
 namespace shiftmap {
 
@@ -199,7 +200,11 @@ class Localizer {
   void BeginWay(Stamp stamp);
   void ReviewStart(Stamp stamp);
 
-  MapSnapshot snapshot_;
+  // As published: with what the map's scale is uncertain by.
+  PoseWithCovariance WithMapScale(PoseWithCovariance pose) const;
+
+  MapScale scale_;        // Removed from
+  MapSnapshot snapshot_;  // the map.
   LocalizerOptions options_;
   std::optional<EventBuffer> buffer_;  // If items may be late.
   ItemLimits limits_;

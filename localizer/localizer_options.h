@@ -20,8 +20,9 @@ struct LocalizerOptions {
   /// Pose at the first scan; nothing: found from the signatures seen.
   std::optional<PoseWithCovariance> initial_pose;
 
-  /// With a position less certain than this in some direction the state is LOST, until it is twice
-  /// as certain: standard deviation, > 0 and below kMaxStartPositionSdM. [m]
+  /// With a position among the landmarks less certain than this in some direction the state is
+  /// LOST, until it is twice as certain: standard deviation, > 0 and below kMaxStartPositionSdM.
+  /// What the map as a whole is uncertain by does not count. [m]
   double max_position_sd_m = 3.0;
 
   /// How long MODE_CHANGED and UNKNOWN_CHANGE stay up after their cause was last seen, > 0. [s]

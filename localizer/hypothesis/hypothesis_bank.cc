@@ -30,6 +30,9 @@ constexpr double kConsidered = 1e-3;
 // A leaf with a pose vaguer than this does not stand for another pose within it. [m]
 constexpr double kVague = 1.0;
 
+// Landmarks farther off, in ranges of the sensor, are not around. [-]
+constexpr double kAround = 8.0;
+
 // A landmark's probabilities that differ by more were learned since the map was made. [-]
 constexpr double kLearned = 0.1;
 
@@ -129,6 +132,21 @@ PoseWithCovariance HypothesisBank::Pose() const {
                               (J * other.cov_T_map_vehicle * J.transpose() + xi * xi.transpose());
   }
   return pose;
+}
+
+double HypothesisBank::SdAmongLandmarks() const {
+  const PoseWithCovariance pose = best().filter.Pose();
+  double sd = LargestSd(pose.cov_T_map_vehicle.topLeftCorner<2, 2>());
+  const double max_range = snapshot_.calibration().sensor.max_range_m;
+  bool found = false;
+  for (double radius = max_range; !found && radius <= kAround * max_range; radius *= 2.0) {
+    grid_.VisitNear(pose.T_map_vehicle.translation(), radius, [&](const ModeGrid::Entry& entry) {
+      const auto point = best().filter.PredictPoint({entry.group, entry.mode + 1}, snapshot_);
+      sd = std::min(sd, LargestSd(point.cov_q));
+      found = true;
+    });
+  }
+  return sd;
 }
 
 double HypothesisBank::ShareNearer(const Eigen::Vector2d& there,

@@ -99,6 +99,11 @@ class HypothesisBank {
   /// The pose of the heaviest leaf, with the second moment of the poses of all leaves about it.
   PoseWithCovariance Pose() const;
 
+  /// Standard deviation of the heaviest leaf's position in its most uncertain direction, against
+  /// the landmark around it of which that is smallest: errors that pose and map share, as the
+  /// map's scale, are not in it. Without a landmark around, with them. [m]
+  double SdAmongLandmarks() const;
+
   /// Probability that the vehicle is nearer to `there` than to `here`. [m]
   double ShareNearer(const Eigen::Vector2d& there, const Eigen::Vector2d& here) const;
 

@@ -7,9 +7,9 @@
 #include <utility>
 
 #include "mapper/calibration/noise_calibration.h"
-#include "mapper/covariance/map_prior.h"
 #include "mapper/mapped_run.h"
 #include "mapper/registration/place_run_maps.h"
+#include "mapstore/map/map_scale.h"
 
 namespace shiftmap {
 namespace {
@@ -39,7 +39,7 @@ StatusOr<BuildState> PlaceRuns(std::vector<RunMap> run_maps,
                                BuildWatch* watch,
                                std::vector<RejectedRun>* rejected) {
   std::optional<MapContent> known = prior;
-  const double sd_scale = known ? RemoveScale(options.sd_range_scale, &*known) : 0.0;
+  const double sd_scale = known ? RemoveScale(options.sd_range_scale, &*known).sd : 0.0;
   const SensorCalibration sensor = RmsSensor(run_maps, options.calibration.sensor);
   BuildState build =
       known ? StartBuild(signatures, *known, sensor) : StartBuild(signatures.size(), sensor);

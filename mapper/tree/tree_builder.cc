@@ -8,12 +8,12 @@
 #include "localizer/models/motion_model.h"
 #include "mapper/calibration/detection.h"
 #include "mapper/covariance/gauge.h"
-#include "mapper/covariance/map_prior.h"
 #include "mapper/frontend/mapping_run.h"
 #include "mapper/frontend/pair_calibration.h"
 #include "mapper/map_output.h"
 #include "mapper/tree/run_start.h"
 #include "mapper/tree/tree_slam.h"
+#include "mapstore/map/map_scale.h"
 
 namespace shiftmap {
 namespace {
@@ -326,7 +326,7 @@ StatusOr<MapperResult> BuildMapByTree(std::vector<MapperInput> inputs,
   double sd_scale = options.sd_range_scale;
   if (known) {
     with_prior.calibration = known->calibration;
-    sd_scale = std::max(sd_scale, RemoveScale(options.sd_range_scale, &*known));
+    sd_scale = std::max(sd_scale, RemoveScale(options.sd_range_scale, &*known).sd);
   }
   std::vector<TreeRun> runs;
   for (const MapperInput& input : inputs) runs.push_back(PrepareRun(input, with_prior));

@@ -126,4 +126,11 @@ std::vector<std::vector<int>> JointCovariance::Components() const {
   return components;
 }
 
+std::vector<std::vector<int>> JointCovariance::JointSets() const {
+  if (size() > kMaxJointModes) return Components();
+  std::vector<int> all(diagonal_.size());
+  std::iota(all.begin(), all.end(), 0);
+  return {std::move(all)};
+}
+
 }  // namespace shiftmap

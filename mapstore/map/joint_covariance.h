@@ -53,6 +53,9 @@ class JointCovariance {
   /// ascending: a large map's tiles of neighbours, a survey's single landmarks.
   std::vector<std::vector<int>> Components() const;
 
+  /// The sets of modes that are taken together: all of up to kMaxJointModes, else Components().
+  std::vector<std::vector<int>> JointSets() const;
+
  private:
   std::vector<Eigen::Matrix2d> diagonal_;
   std::vector<CrossBlock> cross_;

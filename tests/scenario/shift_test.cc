@@ -475,5 +475,37 @@ TEST(LongShift, IsAsExactAtItsEndAsAtItsBegin) {
   }
 }
 
+// Nobody knows how large a site is to better than the scale of its sensors: metres at its edge.
+// Among the landmarks around it the vehicle knows where it is.
+TEST(WideSite, TheVehicleIsNotLostAtItsEdge) {
+  for (const char* seed : {"1", "2", "3"}) {
+    const World world({"--shifts",
+                       "3",
+                       "--vehicles",
+                       "1",
+                       "--mode-change-probability",
+                       "0.1",
+                       "--size-m",
+                       "500",
+                       "--groups",
+                       "140",
+                       "--max-range-m",
+                       "40",
+                       "--duration-s",
+                       "500",
+                       "--speed-mps",
+                       "4",
+                       "--scan-rate-hz",
+                       "4",
+                       "--seed",
+                       seed});
+    RunForJson("shiftmap-mapper", world.BuildOf("maps.db", {0, 1}));
+    const Json shift =
+        RunForJson("shiftmap-localizer",
+                   {"run", "--store", world.File("maps.db"), "--area", "floor", world.Log(2)});
+    EXPECT_LT(shift["states"]["LOST"], 100.0) << "seed " << seed;
+  }
+}
+
 }  // namespace
 }  // namespace shiftmap::testing

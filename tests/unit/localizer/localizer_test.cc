@@ -13,6 +13,7 @@
 #include <utility>
 #include <vector>
 
+#include "mapstore/geometry/inner_constraints.h"
 #include "tests/unit/localizer/simulated_run.h"
 
 namespace shiftmap {
@@ -377,6 +378,40 @@ TEST(Localizer, WhatAWrongStartConcludedIsNotReported) {
   EXPECT_GT(lost, 30);
   EXPECT_GT(right, 400);
   EXPECT_LT(wrong, 10);
+}
+
+// Ranges and odometry are in the map's units: how long these are matters to published poses only.
+TEST(Localizer, TheScaleOfAMapDoesNotChangePosesButTheirCovariance) {
+  constexpr double kSd = 0.05;
+  const MapContent known = MakeTwoModeMap(15, 14.0, 33);
+  std::vector<Eigen::Vector2d> positions;
+  for (const LandmarkGroup& group : known.groups) {
+    for (const Mode& mode : group.modes) positions.push_back(mode.p_map_landmark);
+  }
+  const Eigen::VectorXd q = OffsetsFromCentroid(positions);
+  MapContent uncertain = known;
+  SetCovariance(
+      JointCovariance::FromDense(known.covariance.Dense() + kSd * kSd * q * q.transpose()),
+      &uncertain);
+  const std::vector<int> states(known.groups.size(), 1);
+  SimulationOptions simulation;
+  simulation.duration_s = 120.0;
+  const SimulatedRun run = Simulate(known, PositionsOf(known, states), simulation);
+  const Outcome expected = Localize(known, run, {});
+  const Outcome outcome = Localize(uncertain, run, {});
+  ASSERT_GT(outcome.poses.size(), 100u);
+  ASSERT_EQ(outcome.poses.size(), expected.poses.size());
+  EXPECT_EQ(outcome.report.decisions.size(), expected.report.decisions.size());
+  for (std::size_t i = 0; i < outcome.poses.size(); ++i) {
+    const PoseWithCovariance& pose = outcome.poses[i].pose;
+    const Se2& T_map_vehicle = expected.poses[i].pose.T_map_vehicle;
+    EXPECT_LT((pose.T_map_vehicle.translation() - T_map_vehicle.translation()).norm(), 0.01) << i;
+    const Eigen::Vector2d offset = pose.T_map_vehicle.Rotation().transpose() *
+                                   (pose.T_map_vehicle.translation() - Centroid(positions));
+    Eigen::Matrix3d of_scale = pose.cov_T_map_vehicle - expected.poses[i].pose.cov_T_map_vehicle;
+    of_scale.topLeftCorner<2, 2>() -= kSd * kSd * offset * offset.transpose();
+    EXPECT_LT(of_scale.norm(), 0.02 * pose.cov_T_map_vehicle.norm()) << i;
+  }
 }
 
 // A pose that is given is trusted until three landmarks contradict it and none has confirmed it.

@@ -13,7 +13,7 @@
 #include <utility>
 #include <vector>
 
-#include "mapper/covariance/map_prior.h"
+#include "mapstore/map/map_scale.h"
 #include "proto/core/check.h"
 #include "tests/support/geometry_matchers.h"
 #include "tests/support/status_matchers.h"
@@ -589,7 +589,7 @@ TEST(BuildMap, TheScaleOfAMapIsThatOfItsVehicles) {
       StatusOr<MapperResult> built = BuildMap(runs, std::nullopt, mapper);
       ASSERT_THAT(built, IsOk());
       const double expected = mapper.sd_run_range_scale * std::sqrt(variance);
-      EXPECT_NEAR(RemoveScale(0.0, &built->content), expected, 0.03 * expected)
+      EXPECT_NEAR(RemoveScale(0.0, &built->content).sd, expected, 0.03 * expected)
           << vehicles.size() << " runs, " << variance << ", " << calibrate;
     }
   }
