@@ -71,7 +71,6 @@ struct HypothesisBank::SeenObservation {
 
 void HypothesisBank::Take(const Observation& observation, std::size_t index, int group) {
   AllowForSlip();
-  view_.Saw(observation.PositionInVehicle());
   SeenObservation seen(observation,
                        group,
                        tree_.BeliefIndex(group),
@@ -97,7 +96,9 @@ void HypothesisBank::Take(const Observation& observation, std::size_t index, int
   visit->seen = true;
   ++visit->observations;
   seen.decided_absent = visit->decided == 0;
-  Observe(seen, ViewWeight(visit));
+  const double weight = ViewWeight(visit);
+  if (weight == 1.0) view_.Saw(observation.PositionInVehicle());
+  Observe(seen, weight);
   tree_.Reduce();
 }
 

@@ -20,23 +20,30 @@ double ProbabilityBelow(double limit, double mean, double variance) {
 
 }  // namespace
 
+bool Sector::Contains(const Eigen::Vector2d& q) const {
+  return q.squaredNorm() <= max_range_m * max_range_m &&
+         std::abs(WrapAngle(std::atan2(q.y(), q.x()) - centre_rad)) <= half_width_rad;
+}
+
 double SectorFieldOfView(const Eigen::Vector2d& range_bearing,
                          const Eigen::Matrix2d& cov,
-                         const SensorCalibration& sensor) {
-  const double bearing = WrapAngle(range_bearing.y());
-  const double in_range = ProbabilityBelow(sensor.max_range_m, range_bearing.x(), cov(0, 0));
-  const double in_sector = ProbabilityBelow(sensor.max_bearing_rad, bearing, cov(1, 1)) -
-                           ProbabilityBelow(-sensor.max_bearing_rad, bearing, cov(1, 1));
+                         const Sector& sector) {
+  const double bearing = WrapAngle(range_bearing.y() - sector.centre_rad);
+  const double in_range = ProbabilityBelow(sector.max_range_m, range_bearing.x(), cov(0, 0));
+  const double in_sector = ProbabilityBelow(sector.half_width_rad, bearing, cov(1, 1)) -
+                           ProbabilityBelow(-sector.half_width_rad, bearing, cov(1, 1));
   const double in_view = in_range * std::clamp(in_sector, 0.0, 1.0);
   return in_view >= 0.0 ? in_view : 0.0;  // What is not a number is not in view.
 }
 
-bool WellInView(const Eigen::Vector2d& q, const SensorCalibration& sensor) {
+bool WellInView(const Eigen::Vector2d& q, const Sector& sector) {
   // Shares of the range and of the bearing.
   constexpr double kMinRange = 0.1;
   constexpr double kInside = 0.8;
-  return q.norm() > kMinRange * sensor.max_range_m && q.norm() < kInside * sensor.max_range_m &&
-         std::abs(std::atan2(q.y(), q.x())) < kInside * sensor.max_bearing_rad;
+  const double range = q.norm();
+  const double bearing = WrapAngle(std::atan2(q.y(), q.x()) - sector.centre_rad);
+  return range > kMinRange * sector.max_range_m && range < kInside * sector.max_range_m &&
+         std::abs(bearing) < kInside * sector.half_width_rad;
 }
 
 double LogMissedRun(double log_missed, double occluded) {

@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "localizer/models/detection_model.h"
 #include "proto/core/check.h"
 
 namespace shiftmap {
@@ -73,7 +72,7 @@ InViewProbability FieldOfView::Probability(const Eigen::Vector2d& q,
   InViewProbability in_view;
   in_view.sensor = SectorFieldOfView(z, cov, sensor_);
   if (!(in_view.sensor > 0.0)) return in_view;
-  in_view.own = own_.IsWhole() ? in_view.sensor : SectorFieldOfView(z, cov, own_.sensor());
+  in_view.own = std::min(in_view.sensor, SectorFieldOfView(z, cov, own_.sector()));
   if (by_lidar_) {
     const double share = share_(polygon_, q, cov_q);
     in_view.sensor *= share;
@@ -83,7 +82,7 @@ InViewProbability FieldOfView::Probability(const Eigen::Vector2d& q,
 }
 
 bool FieldOfView::WellInView(const Eigen::Vector2d& q) const {
-  if (!shiftmap::WellInView(q, own_.sensor())) return false;
+  if (!shiftmap::WellInView(q, sensor_) || !shiftmap::WellInView(q, own_.sector())) return false;
   // Half of what the area is grown by: what stands on a wall is in view of it.
   const double clear_m = 0.5 * kGrownM;
   return !by_lidar_ || polygon_.ContainsDisc(q, clear_m).value_or(false);

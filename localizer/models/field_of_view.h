@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "localizer/models/detection_model.h"
 #include "localizer/models/own_field_of_view.h"
 #include "localizer/models/scan_polygon.h"
 #include "mapstore/core/stamp.h"
@@ -52,9 +53,8 @@ struct LidarView {
 
 /// P_FOV of a place, each in [0, 1].
 struct InViewProbability {
-  double sensor = 0.0;  ///< Of the map's sensor: what is seen was in it.
-  double own =
-      0.0;  ///< Of what the vehicle itself has seen to: only here silence tells. <= sensor.
+  double sensor = 0.0;  ///< Of the map's sensor: what is seen was in its view.
+  double own = 0.0;  ///< Of what the vehicle itself sees, too: only here silence tells. <= sensor.
 };
 
 /// Where the sensor sees landmarks at a time: P_FOV by one of two models.
@@ -68,13 +68,15 @@ class FieldOfView {
  public:
   /// @param own  As FieldOfViewOptions::own.
   explicit FieldOfView(const SensorCalibration& sensor, bool own = true)
-      : sensor_(sensor), own_(own ? OwnFieldOfView(sensor) : OwnFieldOfView::Whole(sensor)) {}
+      : sensor_(SectorOf(sensor)),
+        own_(own ? OwnFieldOfView(sensor) : OwnFieldOfView::Whole(sensor)) {}
 
   /// What is asked from now on is of the time of this view. The polygon of a scan is made once.
   /// @param lidar  Its scan is valid by ValidateEvent(). Null: no lidar.
   void Look(const LidarView* lidar);
 
-  /// The vehicle saw a landmark of the map, wherever that stands now.
+  /// The vehicle saw a landmark of the map, wherever that stands now, from another place than
+  /// before.
   /// @param q  Vehicle frame. [m]
   void Saw(const Eigen::Vector2d& q) { own_.Add(q); }
 
@@ -89,7 +91,7 @@ class FieldOfView {
   bool WellInView(const Eigen::Vector2d& q) const;
 
  private:
-  SensorCalibration sensor_;
+  Sector sensor_;
   OwnFieldOfView own_;
   ScanPolygonShare share_;
   ScanPolygon polygon_;

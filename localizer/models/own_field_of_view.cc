@@ -2,25 +2,23 @@
 #include "localizer/models/own_field_of_view.h"
 
 #include <cmath>
+#include <numbers>
+
+#include "mapstore/geometry/angle.h"
 
 namespace shiftmap {
 namespace {
 
+constexpr double kTurn = 2.0 * std::numbers::pi;
+
 // One in so many is read as beyond the field of view: the tail of the noise.
-constexpr std::int64_t kOneInBeyond = 100;
+constexpr int kOneInBeyond = 100;
 
 }  // namespace
 
-OwnFieldOfView::OwnFieldOfView(const SensorCalibration& sensor)
-    : own_(sensor), ranges_(sensor.max_range_m), bearings_(sensor.max_bearing_rad) {
-  own_.max_range_m = 0.0;
-  own_.max_bearing_rad = 0.0;
-}
-
 OwnFieldOfView OwnFieldOfView::Whole(const SensorCalibration& sensor) {
   OwnFieldOfView whole(sensor);
-  whole.own_ = sensor;
-  whole.whole_ = true;
+  whole.sector_ = SectorOf(sensor);
   whole.learns_ = false;
   return whole;
 }
@@ -28,27 +26,43 @@ OwnFieldOfView OwnFieldOfView::Whole(const SensorCalibration& sensor) {
 void OwnFieldOfView::Add(const Eigen::Vector2d& q) {
   if (!learns_) return;
   ++seen_;
-  ranges_.Add(q.norm());
-  bearings_.Add(std::abs(std::atan2(q.y(), q.x())));
-  const std::int64_t beyond = seen_ / kOneInBeyond;
-  own_.max_range_m = ranges_.AllBut(beyond);
-  own_.max_bearing_rad = bearings_.AllBut(beyond);
-  whole_ = own_.max_range_m == ranges_.limit() && own_.max_bearing_rad == bearings_.limit();
+  const double range = q.norm() / max_range_m_ * static_cast<double>(kRanges);
+  ++by_range_[range < static_cast<double>(kRanges - 1) ? static_cast<std::size_t>(range)
+                                                       : kRanges - 1];
+  const double turn = std::atan2(q.y(), q.x()) / kTurn + 0.5;
+  ++by_bearing_[static_cast<std::size_t>(turn * static_cast<double>(kBearings)) % kBearings];
+  SetRange(seen_ / kOneInBeyond);
+  SetBearings(seen_ / kOneInBeyond);
 }
 
-void OwnFieldOfView::Histogram::Add(double value) {
-  const double bin = value / limit_ * static_cast<double>(kBins);
-  const double last = static_cast<double>(kBins - 1);
-  ++counts_[bin < last ? static_cast<std::size_t>(bin) : kBins - 1];
+void OwnFieldOfView::SetRange(int beyond) {
+  std::size_t bins = kRanges;
+  for (; bins > 1 && by_range_[bins - 1] <= beyond; --bins) beyond -= by_range_[bins - 1];
+  sector_.max_range_m = max_range_m_ * static_cast<double>(bins) / static_cast<double>(kRanges);
 }
 
-double OwnFieldOfView::Histogram::AllBut(std::int64_t count) const {
-  std::size_t bins = kBins;
-  for (std::int64_t beyond = 0; bins > 0; --bins) {
-    beyond += counts_[bins - 1];
-    if (beyond > count) break;
+// All but the longest arc in which at most `beyond` were seen.
+void OwnFieldOfView::SetBearings(int beyond) {
+  std::size_t longest = 0;
+  std::size_t after = 0;  // The bin behind the longest.
+  std::size_t length = 0;
+  int in_arc = 0;
+  for (std::size_t end = 0; end < 2 * kBearings; ++end) {
+    in_arc += by_bearing_[end % kBearings];
+    ++length;
+    while (length > 0 && (in_arc > beyond || length > kBearings)) {
+      in_arc -= by_bearing_[(end + 1 - length) % kBearings];
+      --length;
+    }
+    if (length <= longest) continue;
+    longest = length;
+    after = end + 1;
   }
-  return bins == kBins ? limit_ : limit_ * static_cast<double>(bins) / static_cast<double>(kBins);
+  constexpr double kStep = kTurn / static_cast<double>(kBearings);
+  const double width = kStep * static_cast<double>(kBearings - longest);
+  const double begin = kStep * static_cast<double>(after) - std::numbers::pi;
+  sector_.centre_rad = WrapAngle(begin + 0.5 * width);
+  sector_.half_width_rad = longest == 0 ? kTurn : 0.5 * (width + kStep);
 }
 
 }  // namespace shiftmap

@@ -4,63 +4,49 @@
 #include <Eigen/Core>
 #include <array>
 #include <cstddef>
-#include <cstdint>
 
+#include "localizer/models/detection_model.h"
 #include "mapstore/map/calibration.h"
 
 namespace shiftmap {
 
-/// The part of a sensor's field of view in which one vehicle has itself seen landmarks so far.
+/// The sector in which one vehicle has itself seen landmarks.
 ///
-/// A map has one field of view, that of the vehicles that see farthest. Beyond its own a vehicle
-/// sees nothing whatever stands there, so that silence there tells nothing.
+/// A map has one field of view, that of the vehicles that see farthest, and ahead. Beyond its own,
+/// which may be to one side or to the rear, a vehicle sees nothing whatever stands there, so that
+/// silence there tells nothing.
 ///
 /// Memory: fixed. Threads: const-safe.
 class OwnFieldOfView {
  public:
-  /// Nothing has been seen: a field of view of range 0.
-  explicit OwnFieldOfView(const SensorCalibration& sensor);
+  /// Nothing has been seen: a sector of range 0.
+  explicit OwnFieldOfView(const SensorCalibration& sensor) : max_range_m_(sensor.max_range_m) {}
 
   /// That of the sensor, whatever is seen.
   static OwnFieldOfView Whole(const SensorCalibration& sensor);
 
-  /// A landmark was seen.
+  /// A landmark was seen in another view than before.
   /// @param q  Vehicle frame. [m]
   void Add(const Eigen::Vector2d& q);
 
-  /// The sensor with the field of view that holds 99 % of what was seen. Limits are multiples of a
-  /// fiftieth of the sensor's, rounded up, and never larger than those.
-  const SensorCalibration& sensor() const { return own_; }
-
-  /// It is the sensor's.
-  bool IsWhole() const { return whole_; }
+  /// Holds 99 % of the landmarks seen by range, and by bearing. Range in steps of a fiftieth of the
+  /// sensor's, rounded up, and not more than that; bearings in steps of 1.4 degrees, with half a
+  /// step on either side.
+  const Sector& sector() const { return sector_; }
 
  private:
-  static constexpr std::size_t kBins = 50;
+  static constexpr std::size_t kRanges = 50;
+  static constexpr std::size_t kBearings = 256;
 
-  // Values in equal bins up to a limit, the last one open.
-  class Histogram {
-   public:
-    explicit Histogram(double limit) : limit_(limit) {}
+  void SetRange(int beyond);
+  void SetBearings(int beyond);
 
-    double limit() const { return limit_; }
-
-    void Add(double value);
-
-    // The least upper edge of a bin that at most `count` values are beyond.
-    double AllBut(std::int64_t count) const;
-
-   private:
-    double limit_;
-    std::array<std::int64_t, kBins> counts_{};
-  };
-
-  SensorCalibration own_;
-  Histogram ranges_;
-  Histogram bearings_;
-  std::int64_t seen_ = 0;
-  bool whole_ = false;
+  double max_range_m_;
+  Sector sector_;
   bool learns_ = true;
+  int seen_ = 0;
+  std::array<int, kRanges> by_range_{};      // The last bin is open.
+  std::array<int, kBearings> by_bearing_{};  // From -π on.
 };
 
 }  // namespace shiftmap

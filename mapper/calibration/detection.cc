@@ -45,12 +45,6 @@ class StandingModes {
   VisitIndex next_;
 };
 
-bool InFieldOfView(const SensorCalibration& sensor, const Eigen::Vector2d& p_vehicle_landmark) {
-  const Eigen::Vector2d& q = p_vehicle_landmark;
-  return q.squaredNorm() <= sensor.max_range_m * sensor.max_range_m &&
-         std::abs(std::atan2(q.y(), q.x())) <= sensor.max_bearing_rad;
-}
-
 }  // namespace
 
 ModeGrid GridOf(const BuildState& build, double cell_m) {
@@ -64,14 +58,12 @@ ModeGrid GridOf(const BuildState& build, double cell_m) {
   return grid;
 }
 
-SensorCalibration SensorOf(const BuildState& build,
-                           const SensorCalibration& sensor,
-                           const BuildRun& run) {
+Sector OwnSector(const BuildState& build, const SensorCalibration& sensor, const BuildRun& run) {
   OwnFieldOfView own(sensor);
   for (const Sighting& sighting : run.data->sightings) {
     if (IsInlier(build, run, sighting)) own.Add(sighting.observation.PositionInVehicle());
   }
-  return own.sensor();
+  return own.sector();
 }
 
 void CountDetections(const BuildState& build,
@@ -79,7 +71,8 @@ void CountDetections(const BuildState& build,
                      const ModeGrid& grid,
                      const BuildRun& run,
                      DetectionCount* count) {
-  const SensorCalibration own = SensorOf(build, sensor, run);
+  const Sector common = SectorOf(sensor);
+  const Sector own = OwnSector(build, sensor, run);
   StandingModes standing(build, run);
   // The last frame of each group.
   IndexedVector<GroupIndex, std::optional<FrameIndex>> seen_at(build.modes.size());
@@ -99,7 +92,8 @@ void CountDetections(const BuildState& build,
     grid.VisitNear(p_map_vehicle, own.max_range_m, [&](const ModeGrid::Entry& entry) {
       const int seen = seen_at[GroupIndex(entry.group)] == now ? 1 : 0;
       if (all_seen - seen == 0 || !standing.Stands(entry)) return;
-      if (!InFieldOfView(own, T_vehicle_map * entry.p_map_landmark)) return;
+      const Eigen::Vector2d q = T_vehicle_map * entry.p_map_landmark;
+      if (!common.Contains(q) || !own.Contains(q)) return;
       count->expected += 1.0;
       count->detected += seen;
     });

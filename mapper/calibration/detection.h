@@ -4,6 +4,7 @@
 #include <Eigen/Core>
 #include <vector>
 
+#include "localizer/models/detection_model.h"
 #include "localizer/models/mode_grid.h"
 #include "mapper/mapper_options.h"
 #include "mapper/state/build_state.h"
@@ -21,13 +22,11 @@ struct DetectionCount {
 /// @param cell_m  As of ModeGrid: best about the range of the sensor. [m]
 ModeGrid GridOf(const BuildState& build, double cell_m);
 
-/// `sensor` with the field of view in which the run itself saw landmarks where the map has them:
-/// what stands beyond was not in its view, whatever other vehicles see.
-SensorCalibration SensorOf(const BuildState& build,
-                           const SensorCalibration& sensor,
-                           const BuildRun& run);
+/// The sector in which a run itself saw landmarks where the map has them: what stands beyond was
+/// not in its view, whatever other vehicles see.
+Sector OwnSector(const BuildState& build, const SensorCalibration& sensor, const BuildRun& run);
 
-/// Adds what stood in the run's own field of view, SensorOf(), at its key frames. A landmark stands
+/// Adds what stood in the run's own sector, OwnSector(), at its key frames. A landmark stands
 /// where the visit going on has it, or the last one; before its first visit of the run it is not
 /// counted. Key frames are where something is seen: a frame that only the landmark itself makes one
 /// is not counted for it, or it would never be missed alone.

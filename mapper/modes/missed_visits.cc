@@ -88,6 +88,7 @@ class MissCollector {
         flat_(build),
         grid_(GridOf(build, build.sensor.max_range_m)),
         visibility_(known),
+        common_(SectorOf(build.sensor)),
         seen_(flat_.count()) {
     visibility_.resize(seen_.size());
   }
@@ -96,7 +97,7 @@ class MissCollector {
   std::vector<SeenMode> AddRun(RunIndex run_index) {
     const BuildRun& run = problem_.runs[run_index];
     RunTimeline timeline(problem_, run);
-    sensor_ = SensorOf(problem_, problem_.sensor, run);
+    own_ = OwnSector(problem_, problem_.sensor, run);
     open_.assign(flat_.count(), {});
     LastFrames seen_at(problem_.modes.size());
     for (const FrameIndex frame : run.data->frames.indices()) {
@@ -134,8 +135,9 @@ class MissCollector {
     const Se2& T_map_vehicle = run.poses[frame];
     const Se2 T_vehicle_map = T_map_vehicle.Inverse();
     const Eigen::Vector2d& p = T_map_vehicle.translation();
-    grid_.VisitNear(p, sensor_.max_range_m, [&](const ModeGrid::Entry& entry) {
-      if (!WellInView(T_vehicle_map * entry.p_map_landmark, sensor_)) return;
+    grid_.VisitNear(p, own_.max_range_m, [&](const ModeGrid::Entry& entry) {
+      const Eigen::Vector2d q = T_vehicle_map * entry.p_map_landmark;
+      if (!WellInView(q, common_) || !WellInView(q, own_)) return;
       const std::size_t direction = DirectionOf(p - entry.p_map_landmark);
       const GroupIndex group(entry.group);
       const GroupModeIndex mode(entry.mode);
@@ -189,7 +191,8 @@ class MissCollector {
   FlatModes flat_;
   ModeGrid grid_;
   IndexedVector<ModeIndex, Visibility> visibility_;
-  SensorCalibration sensor_;                   // With the present run's own field of view.
+  Sector common_;
+  Sector own_;                                 // Of the present run.
   IndexedVector<ModeIndex, Visibility> seen_;  // What the present run adds.
   IndexedVector<ModeIndex, OpenGap> open_;     // Of the present run.
   std::map<GapRef, std::map<GroupModeIndex, MissedMode>> gaps_;

@@ -41,7 +41,7 @@ Passes PassesOf(const RunRecord& run,
   for (const StampedPose& pose : run.trajectory) {
     const Eigen::Vector2d view = pose.T_map_vehicle.translation() - p_map_landmark;
     if (view.norm() > sensor.max_range_m) continue;
-    if (!WellInView(pose.T_map_vehicle.Inverse() * p_map_landmark, sensor)) continue;
+    if (!WellInView(pose.T_map_vehicle.Inverse() * p_map_landmark, SectorOf(sensor))) continue;
     if (passes.counts.empty()) passes.begin = pose.stamp;
     if (passes.counts.empty() || pose.stamp - passes.end > pass_gap) passes.counts.push_back({});
     passes.end = pose.stamp;

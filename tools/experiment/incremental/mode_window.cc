@@ -33,7 +33,7 @@ double FieldOfView(const Se2& T_map_vehicle,
   }
   const Eigen::Vector2d variance(sensor.sd_range_m * sensor.sd_range_m,
                                  sensor.sd_bearing_rad * sensor.sd_bearing_rad);
-  return SectorFieldOfView({range_m, bearing_rad}, variance.asDiagonal(), sensor);
+  return SectorFieldOfView({range_m, bearing_rad}, variance.asDiagonal(), SectorOf(sensor));
 }
 
 // What an observation says of each mode: log p(z | x, m).

@@ -165,33 +165,6 @@ TEST(HypothesisBank, SilenceProvesNoMoreThanAnOcclusionAllows) {
   EXPECT_NEAR(evidence[0].modes[0].log_likelihood, 0.0, 1e-6);
 }
 
-// What a vehicle cannot see it does not miss: another landmark shows how far it sees.
-TEST(HypothesisBank, SilenceCountsAsFarAsTheVehicleHasSeen) {
-  const auto log_odds_after = [](double seen_at_m) {
-    MapContent content = MakeTwoModeMap(2, 10.0, 1);
-    for (LandmarkGroup& group : content.groups) {
-      group.modes[0].p_map_landmark = {5.0, 0.0};
-      group.modes[1].p_map_landmark = {500.0, 0.0};
-    }
-    content.groups[1].modes[0].p_map_landmark = {seen_at_m, 0.0};
-    HypothesisBank bank(Snapshot(content), {}, AtOrigin(0.1), StampFromSeconds(1000.0));
-    Scan scan;
-    scan.observations.resize(1);
-    scan.observations[0].signature = content.groups[1].signature;
-    scan.observations[0].z = {seen_at_m, 0.0};
-    for (int i = 0; i < 100; ++i) {
-      scan.stamp = StampFromSeconds(1000.0 + 0.3 * i);
-      bank.Correct(scan);
-    }
-    const Eigen::VectorXd p = bank.Probabilities(0);
-    return std::log(p[1] / p[0]);
-  };
-  const double prior = std::log(0.9 / 0.02);
-  EXPECT_NEAR(log_odds_after(4.0), prior, 1e-3);
-  const double occluded = SensorCalibration().occluded_visit_probability;
-  EXPECT_NEAR(log_odds_after(7.0), prior + std::log(occluded), 1e-3);
-}
-
 // Where a landmark is seen from T_map_vehicle.
 Observation Sighting(const MapContent& content,
                      std::size_t group,
@@ -251,6 +224,35 @@ TEST(HypothesisBank, AfterABlindDriveALandmarkAloneDoesNotContradictTheMap) {
       EXPECT_LT(of_group->modes[1].log_likelihood, -9.0);
     }
   }
+}
+
+// What a vehicle cannot see it does not miss: another landmark shows how far it sees.
+TEST(HypothesisBank, SilenceCountsAsFarAsTheVehicleHasSeen) {
+  const auto log_odds_after = [](double seen_at_m) {
+    MapContent content = MakeTwoModeMap(3, 10.0, 1);
+    Scan scan;
+    for (LandmarkGroup& group : content.groups) {
+      group.modes[0].p_map_landmark = {5.0, 0.0};
+      group.modes[1].p_map_landmark = {500.0, 0.0};
+    }
+    for (const std::size_t seen : {1U, 2U}) {
+      const double bearing = seen == 1U ? 0.3 : -0.3;
+      const Eigen::Vector2d direction(std::cos(bearing), std::sin(bearing));
+      content.groups[seen].modes[0].p_map_landmark = seen_at_m * direction;
+      scan.observations.push_back(Sighting(content, seen, seen_at_m * direction, Se2()));
+    }
+    HypothesisBank bank(Snapshot(content), {}, AtOrigin(0.1), StampFromSeconds(1000.0));
+    for (int i = 0; i < 100; ++i) {
+      scan.stamp = StampFromSeconds(1000.0 + 0.3 * i);
+      bank.Correct(scan);
+    }
+    const Eigen::VectorXd p = bank.Probabilities(0);
+    return std::log(p[1] / p[0]);
+  };
+  const double prior = std::log(0.9 / 0.02);
+  EXPECT_NEAR(log_odds_after(4.0), prior, 1e-3);
+  const double occluded = SensorCalibration().occluded_visit_probability;
+  EXPECT_NEAR(log_odds_after(7.0), prior + std::log(occluded), 1e-3);
 }
 
 // A slip takes off the way along it, and not across.
@@ -369,7 +371,7 @@ TEST(HypothesisBank, SightingsAtOnePlaceWeighAsTwoHypothesesByHand) {
   sensor.detection_probability = 0.8;
   sensor.max_range_m = 30.0;
   const double variance = sensor.sd_position_m * sensor.sd_position_m;
-  HypothesisOptions options;
+  HypothesisOptions options = OfTheMapsView();
   options.alpha = 1e-30;  // Nothing is given up.
   const PoseWithCovariance exact{Se2(), Eigen::Matrix3d::Identity() * 1e-12};
   HypothesisBank bank(Snapshot(content), options, exact, StampFromSeconds(1000.0));
@@ -573,10 +575,10 @@ TEST(DetectionModel, SectorHasSharpEdgesForACertainPose) {
   sensor.max_range_m = 5.0;
   sensor.max_bearing_rad = 0.5;
   const Eigen::Matrix2d certain = Eigen::Matrix2d::Identity() * 1e-8;
-  EXPECT_NEAR(SectorFieldOfView({4.9, 0.4}, certain, sensor), 1.0, 1e-9);
-  EXPECT_NEAR(SectorFieldOfView({5.1, 0.4}, certain, sensor), 0.0, 1e-9);
-  EXPECT_NEAR(SectorFieldOfView({4.9, -0.6}, certain, sensor), 0.0, 1e-9);
-  EXPECT_NEAR(SectorFieldOfView({5.0, 0.0}, certain, sensor), 0.5, 1e-9);
+  EXPECT_NEAR(SectorFieldOfView({4.9, 0.4}, certain, SectorOf(sensor)), 1.0, 1e-9);
+  EXPECT_NEAR(SectorFieldOfView({5.1, 0.4}, certain, SectorOf(sensor)), 0.0, 1e-9);
+  EXPECT_NEAR(SectorFieldOfView({4.9, -0.6}, certain, SectorOf(sensor)), 0.0, 1e-9);
+  EXPECT_NEAR(SectorFieldOfView({5.0, 0.0}, certain, SectorOf(sensor)), 0.5, 1e-9);
 }
 
 }  // namespace

@@ -28,11 +28,7 @@ SensorCalibration Sensor() {
 }
 
 // Of a vehicle that sees as far and as wide as the sensor.
-FieldOfView WholeView() {
-  FieldOfView view(Sensor());
-  view.Saw(Sensor().max_range_m * Eigen::Vector2d(std::cos(1.2), std::sin(1.2)));
-  return view;
-}
+FieldOfView WholeView() { return FieldOfView(Sensor(), false); }
 
 // A room of 20 m by 20 m with a screen before the vehicle, 3 m ahead of the origin.
 std::vector<Wall> Room() {
@@ -108,7 +104,8 @@ TEST(FieldOfView, SectorIsThatOfTheDetectionModel) {
   // An isotropic place is as uncertain along as across.
   const Eigen::Vector2d of_z(variance, variance / q.squaredNorm());
   EXPECT_NEAR(view.Probability(q, variance * Eigen::Matrix2d::Identity()).sensor,
-              SectorFieldOfView({q.norm(), std::atan2(q.y(), q.x())}, of_z.asDiagonal(), Sensor()),
+              SectorFieldOfView(
+                  {q.norm(), std::atan2(q.y(), q.x())}, of_z.asDiagonal(), SectorOf(Sensor())),
               1e-12);
 }
 
@@ -124,6 +121,7 @@ TEST(FieldOfView, OfAVehicleIsWhereItHasSeenLandmarks) {
     EXPECT_FALSE(view.WellInView(q));
   }
   view.Saw({4.0, 0.5});
+  view.Saw({4.0, -0.5});
   EXPECT_NEAR(view.Probability(near, cov).own, 1.0, 1e-9);
   EXPECT_TRUE(view.WellInView(near));
   for (const Eigen::Vector2d& q : {far, aside}) {

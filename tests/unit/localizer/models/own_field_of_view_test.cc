@@ -5,13 +5,19 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 #include <random>
+#include <utility>
 #include <vector>
 
 #include "mapstore/core/quantile.h"
+#include "mapstore/geometry/angle.h"
 
 namespace shiftmap {
 namespace {
+
+constexpr double kPi = std::numbers::pi;
+constexpr double kStep = 2.0 * kPi / 256.0;  // Of bearings.
 
 SensorCalibration Sensor() {
   SensorCalibration sensor;
@@ -26,61 +32,76 @@ Eigen::Vector2d At(double range_m, double bearing_rad) {
 
 TEST(OwnFieldOfView, IsNothingBeforeTheFirstSighting) {
   const OwnFieldOfView own(Sensor());
-  EXPECT_EQ(own.sensor().max_range_m, 0.0);
-  EXPECT_EQ(own.sensor().max_bearing_rad, 0.0);
-  EXPECT_FALSE(own.IsWhole());
-  EXPECT_EQ(own.sensor().detection_probability, Sensor().detection_probability);
+  EXPECT_EQ(own.sector().max_range_m, 0.0);
+  EXPECT_FALSE(own.sector().Contains({0.1, 0.0}));
 }
 
 TEST(OwnFieldOfView, ReachesAsFarAsTheFirstSightings) {
   OwnFieldOfView own(Sensor());
   own.Add(At(4.1, -0.5));
   own.Add(At(2.0, 0.7));
-  EXPECT_NEAR(own.sensor().max_range_m, 4.2, 1e-12);
-  EXPECT_NEAR(own.sensor().max_bearing_rad, 0.72, 1e-12);
+  EXPECT_NEAR(own.sector().max_range_m, 4.2, 1e-12);
+  EXPECT_NEAR(own.sector().centre_rad, 0.1, kStep);
+  EXPECT_NEAR(own.sector().half_width_rad, 0.6 + kStep, 0.51 * kStep);
 }
 
 // The oracle sorts all that was seen.
-TEST(OwnFieldOfView, HoldsNearlyAllThatWasSeen) {
+TEST(OwnFieldOfView, HoldsNearlyAllRangesThatWereSeen) {
   std::mt19937_64 random(5);
   std::normal_distribution<double> noise(0.0, 0.1);
   for (const double reach_m : {2.5, 4.0, 7.7, 10.0, 13.0}) {
     std::uniform_real_distribution<double> range(0.0, reach_m);
-    std::uniform_real_distribution<double> bearing(-0.12 * reach_m, 0.12 * reach_m);
     OwnFieldOfView own(Sensor());
     std::vector<double> ranges;
-    std::vector<double> bearings;
     for (int i = 0; i < 2000; ++i) {
       ranges.push_back(std::abs(range(random) + noise(random)));
-      bearings.push_back(bearing(random));
-      own.Add(At(ranges.back(), bearings.back()));
-      bearings.back() = std::abs(bearings.back());
+      own.Add(At(ranges.back(), 0.3));
     }
-    const auto expect_bin_above = [](double limit, double quantile, double most) {
-      EXPECT_GE(limit, std::min(quantile, most) - 1e-9);
-      EXPECT_LE(limit, std::min(quantile + most / 40.0, most) + 1e-12);
-    };
-    expect_bin_above(own.sensor().max_range_m, Quantile(ranges, 0.99), 10.0);
-    expect_bin_above(own.sensor().max_bearing_rad, Quantile(bearings, 0.99), 1.5);
-    EXPECT_EQ(own.IsWhole(), reach_m > 10.0) << reach_m;
+    const double quantile = Quantile(ranges, 0.99);
+    EXPECT_GE(own.sector().max_range_m, std::min(quantile, 10.0) - 1e-9);
+    EXPECT_LE(own.sector().max_range_m, std::min(quantile + 0.25, 10.0) + 1e-12);
   }
+}
+
+// Ahead, to a side, to the rear, and nearly all round.
+TEST(OwnFieldOfView, HoldsTheArcInWhichLandmarksWereSeen) {
+  std::mt19937_64 random(6);
+  for (const auto& [centre, half_width] : {std::pair(0.0, 1.0),
+                                           std::pair(-0.5, 0.7),
+                                           std::pair(1.6, 0.6),
+                                           std::pair(kPi, 0.4),
+                                           std::pair(-2.9, 1.1),
+                                           std::pair(0.4, 3.0)}) {
+    std::uniform_real_distribution<double> bearing(centre - half_width, centre + half_width);
+    OwnFieldOfView own(Sensor());
+    for (int i = 0; i < 5000; ++i) own.Add(At(3.0, bearing(random)));
+    const double share_missing = 0.01 * half_width;
+    EXPECT_NEAR(own.sector().half_width_rad, half_width - share_missing, 1.5 * kStep) << centre;
+    EXPECT_NEAR(WrapAngle(own.sector().centre_rad - centre), 0.0, share_missing + kStep) << centre;
+    EXPECT_TRUE(own.sector().Contains(At(3.0, centre)));
+    EXPECT_FALSE(own.sector().Contains(At(3.0, centre + kPi))) << centre;
+  }
+}
+
+TEST(OwnFieldOfView, OfASensorAllRoundIsNearlyTheCircle) {
+  OwnFieldOfView own(Sensor());
+  for (int k = 0; k < 256; ++k) own.Add(At(3.0, (k + 0.5) * kStep));
+  // Two bins are one in a hundred.
+  EXPECT_NEAR(own.sector().half_width_rad, kPi - 0.5 * kStep, 1e-9);
 }
 
 TEST(OwnFieldOfView, IsTheSensorsIfNothingIsLearned) {
   OwnFieldOfView own = OwnFieldOfView::Whole(Sensor());
-  EXPECT_TRUE(own.IsWhole());
   for (int i = 0; i < 1000; ++i) own.Add(At(1.0, 0.1));
-  EXPECT_TRUE(own.IsWhole());
-  EXPECT_EQ(own.sensor().max_range_m, Sensor().max_range_m);
-  EXPECT_EQ(own.sensor().max_bearing_rad, Sensor().max_bearing_rad);
+  EXPECT_EQ(own.sector().max_range_m, 10.0);
+  EXPECT_EQ(own.sector().centre_rad, 0.0);
+  EXPECT_EQ(own.sector().half_width_rad, 1.5);
 }
 
-TEST(OwnFieldOfView, IsNeverMoreThanTheSensor) {
+TEST(OwnFieldOfView, ReachesNoFartherThanTheSensor) {
   OwnFieldOfView own(Sensor());
   for (int i = 0; i < 10; ++i) own.Add(At(1e6, 3.0));
-  EXPECT_EQ(own.sensor().max_range_m, Sensor().max_range_m);
-  EXPECT_EQ(own.sensor().max_bearing_rad, Sensor().max_bearing_rad);
-  EXPECT_TRUE(own.IsWhole());
+  EXPECT_EQ(own.sector().max_range_m, 10.0);
 }
 
 }  // namespace

@@ -50,7 +50,7 @@ int ScansInView(const SimulatedRun& run,
         pose, run.truth.end(), [&](const StampedPose& at) { return at.stamp >= scan.stamp; });
     if (pose == run.truth.end()) break;
     const bool others = !scan.observations.empty();
-    count += others && WellInView(pose->T_map_vehicle.Inverse() * place, sensor) ? 1 : 0;
+    count += others && WellInView(pose->T_map_vehicle.Inverse() * place, SectorOf(sensor)) ? 1 : 0;
   }
   return count;
 }
