@@ -21,8 +21,11 @@ namespace {
 constexpr double kTrustedDistance = 0.3;  // [m]
 constexpr double kTrustedTurn = 0.1;      // [rad]
 
-// Ways without sightings on which wheels slip, as a share. [-]
+// Ways without sightings on which wheels slip, as a share; and ways of this length beside a single
+// landmark. [-], [m]
 constexpr double kSlipShare = 0.1;
+constexpr double kLaterSlipShare = 0.01;
+constexpr double kLaterSlip = 2.0;
 
 // Another pose is considered if it is less likely so far. [-]
 constexpr double kConsidered = 1e-3;
@@ -206,7 +209,7 @@ void HypothesisBank::JudgePose(const ObservationOutcome& outcome, Visit* visit) 
 void HypothesisBank::ConfirmPose() {
   T_odom_confirmed_ = T_odom_vehicle_;
   unseen_way_.Clear();
-  slip_allowed_ = false;
+  slip_allowed_.reset();
   unconfirmed_since_.reset();
 }
 
@@ -215,16 +218,26 @@ bool HypothesisBank::IsFarFromConfirmed() const {
   return moved.translation().norm() > kTrustedDistance || std::abs(moved.yaw()) > kTrustedTurn;
 }
 
-void HypothesisBank::AllowForSlip() {
-  if (slip_allowed_ || !(unseen_way_.length_m() > 0.0) || !IsFarFromConfirmed()) return;
-  slip_allowed_ = true;
+bool HypothesisBank::HasAgreedSince(int group, Stamp since) const {
+  return std::any_of(agreed_.begin(), agreed_.end(), [&](const Agreement& agreement) {
+    return agreement.group == group && agreement.stamp > since;
+  });
+}
+
+void HypothesisBank::AllowForSlip(int group) {
+  const double least_m = slip_allowed_ ? kLaterSlip : 0.0;
+  if (!(unseen_way_.length_m() > least_m) || !IsFarFromConfirmed()) return;
+  if (slip_allowed_ && !HasAgreedSince(group, *slip_allowed_)) return;
+  const double share = slip_allowed_ ? kLaterSlipShare : kSlipShare;
   MotionIncrement slip;
   slip.cov.topLeftCorner<2, 2>() = unseen_way_.SlipCovariance();
+  slip_allowed_ = stamp_;
+  unseen_way_.Clear();
   for (Leaf* leaf : tree_.leaves().Rebuild()) {
     Leaf& slipped = tree_.leaves().Add(*leaf);
     slipped.filter.Predict(slip, 0.0);
-    slipped.log_weight += std::log(kSlipShare);
-    leaf->log_weight += std::log1p(-kSlipShare);
+    slipped.log_weight += std::log(share);
+    leaf->log_weight += std::log1p(-share);
     tree_.leaves().Keep(leaf);
   }
   tree_.leaves().SortByWeight();

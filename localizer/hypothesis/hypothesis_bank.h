@@ -197,7 +197,9 @@ class HypothesisBank {
   void ConfirmPose();
   bool IsFarFromConfirmed() const;
   // Each leaf goes on as two after a way without sightings: in one of them the wheels have slipped.
-  void AllowForSlip();
+  // And again at a landmark that has agreed since, alone: it has not moved when it fails.
+  void AllowForSlip(int group);
+  bool HasAgreedSince(int group, Stamp since) const;
   int CountAgreeing(Stamp since, int except) const;
   // Whether others have agreed with the pose since a visit contradicts the map.
   bool IsConfirmed(const Visit& visit) const;
@@ -237,8 +239,8 @@ class HypothesisBank {
   };
   std::array<Agreement, kConfirming + 1> agreed_;
   Se2 T_odom_confirmed_;                    // Dead-reckoned, where the pose was confirmed last.
-  UnseenWay unseen_way_;                    // Since then.
-  bool slip_allowed_ = false;               // On it.
+  std::optional<Stamp> slip_allowed_;       // Last; nothing: not since then.
+  UnseenWay unseen_way_;                    // Since then, or since a slip was allowed last.
   std::optional<Stamp> unconfirmed_since_;  // First observation too far from there.
   double heaviest_fork_ = 0.0;  // Log-weight, of those that the present observation made.
 };

@@ -70,7 +70,7 @@ struct HypothesisBank::SeenObservation {
 };
 
 void HypothesisBank::Take(const Observation& observation, std::size_t index, int group) {
-  AllowForSlip();
+  AllowForSlip(group);
   SeenObservation seen(observation,
                        group,
                        tree_.BeliefIndex(group),

@@ -255,6 +255,30 @@ TEST(HypothesisBank, SilenceCountsAsFarAsTheVehicleHasSeen) {
   EXPECT_NEAR(log_odds_after(7.0), prior + std::log(occluded), 1e-3);
 }
 
+// Wheels may begin to slip when a landmark has been in view for long: it has not moved then.
+TEST(HypothesisBank, AWheelThatSlipsBesideOneLandmarkDoesNotMoveIt) {
+  MapContent content = OneGroup({22.0, 2.0}, {500.0, 0.0});
+  content.calibration.sensor.max_range_m = 30.0;
+  HypothesisBank bank(Snapshot(content), {}, AtOrigin(0.05), StampFromSeconds(1000.0));
+  constexpr double kStep = 0.3;
+  Se2 T_map_vehicle;
+  for (int i = 0; T_map_vehicle.x() < 18.0; ++i) {
+    MotionIncrement motion;
+    motion.T_begin_end = Se2(kStep, 0.0, 0.0);
+    motion.cov = Eigen::Vector3d(4e-6, 4e-6, 4e-6).asDiagonal();
+    bank.Predict(motion, 0.2);
+    const bool slips = T_map_vehicle.x() > 8.0 && T_map_vehicle.x() < 14.0;
+    T_map_vehicle = T_map_vehicle * Se2((slips ? 0.8 : 1.0) * kStep, 0.0, 0.0);
+    Scan scan;
+    scan.stamp = StampFromSeconds(1000.0 + 0.2 * (i + 1));
+    scan.observations.push_back(
+        Sighting(content, 0, content.groups[0].modes[0].p_map_landmark, T_map_vehicle));
+    bank.Correct(scan);
+  }
+  EXPECT_NEAR(bank.Pose().T_map_vehicle.x(), T_map_vehicle.x(), 0.5);
+  EXPECT_LT(bank.Probabilities(0)[0], 0.1);
+}
+
 // A slip takes off the way along it, and not across.
 TEST(HypothesisBank, AfterABlindDriveALandmarkAloneTellsModesApartThatNoSlipConfuses) {
   const auto probability_of_second = [](const Eigen::Vector2d& p2) {
