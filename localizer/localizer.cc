@@ -248,8 +248,12 @@ void Localizer::ProcessScan(const Scan& scan) {
     return;
   }
   if (searching) {
-    if (BreaksReckoning(step_.motion)) window_.clear();
+    if (step_.motion.silent_s > 0.0) window_.clear();
     window_.push_back(step_);
+    // Odometry that was wrong may be right by now: wheels slip and grip again.
+    if (!odometry_trust_.trusted() && ContradictsOdometry(Window(), snapshot_, 1)) {
+      window_.erase(window_.begin(), window_.end() - 1);
+    }
   } else {
     // Just lost: what failed tells where the vehicle is.
     const std::vector<WindowScan> failing = recent_.Since(health_.failing_since());
@@ -570,12 +574,17 @@ Stamp Localizer::DistrustPose(Stamp failing_since) {
 
 void Localizer::TryGlobalStart() {
   if (rival_) return;
-  const std::vector<WindowScan> window(window_.begin(), window_.end());
+  const std::vector<WindowScan> window = Window();
   const auto start = FindRecentStart(window, snapshot_, options_.global_start);
   if (!start) return;
   if (bank_ && !health_.wrong()) {
     Consider(PoseAtEnd(*start, window), health_.failing_since());
   } else {
+    std::vector<Se2> motions;
+    for (std::size_t i = 1; i < window.size(); ++i) {
+      motions.push_back(window[i].motion.increment.T_begin_end);
+    }
+    odometry_trust_.Agree(motions);
     StartAt(start->pose, start->scan);
     health_.MarkStart();
   }

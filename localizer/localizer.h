@@ -197,6 +197,7 @@ class Localizer {
   void JudgeRival();
   // Dead reckoning does not connect the scan at the end of a motion with those before it.
   bool BreaksReckoning(const OdometryBuffer::Motion& motion) const;
+  std::vector<WindowScan> Window() const { return {window_.begin(), window_.end()}; }
   void BeginWay(Stamp stamp);
   void ReviewStart(Stamp stamp);
 

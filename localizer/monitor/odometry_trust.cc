@@ -22,6 +22,9 @@ constexpr double kShownM = 1.0;
 constexpr double kShownRad = 0.5;
 constexpr double kMostShare = 0.8;
 
+// A way that shows it without a turn. A gyro may be dead on it; landmarks tell at the next turn.
+constexpr double kLongWayM = 10.0;
+
 }  // namespace
 
 void OdometryTrust::Distrust() {
@@ -34,6 +37,16 @@ void OdometryTrust::Move(const Se2& T_begin_end) {
   T_begin_vehicle_ = T_begin_vehicle_ * T_begin_end;
   way_m_ += T_begin_end.translation().norm();
   turn_rad_ += std::abs(T_begin_end.yaw());
+}
+
+void OdometryTrust::Agree(std::span<const Se2> motions) {
+  double way_m = 0.0;
+  double turn_rad = 0.0;
+  for (const Se2& motion : motions) {
+    way_m += motion.translation().norm();
+    turn_rad += std::abs(motion.yaw());
+  }
+  trusted_ |= way_m >= kLongWayM || (way_m >= kShownM && turn_rad >= kShownRad);
 }
 
 void OdometryTrust::Compare(const PoseWithCovariance& pose) {

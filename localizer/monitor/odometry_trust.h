@@ -2,6 +2,7 @@
 #pragma once
 
 #include <optional>
+#include <span>
 
 #include "mapstore/geometry/covariance.h"
 #include "mapstore/geometry/se2.h"
@@ -10,7 +11,7 @@ namespace shiftmap {
 
 /// Whether odometry is trusted. Where landmarks have shown that it is wrong, as with a gyro that is
 /// dead, it would make the next pose wrong too. So it is trusted again only when landmarks have
-/// shown a motion of a metre and half a radian that it agrees with.
+/// shown a motion of a metre and half a radian that it agrees with, or a longer way.
 class OdometryTrust {
  public:
   bool trusted() const { return trusted_; }
@@ -23,6 +24,9 @@ class OdometryTrust {
 
   /// @param T_begin_end  By odometry, since the last call.
   void Move(const Se2& T_begin_end);
+
+  /// By these motions landmarks that were seen on the way stand where the map has them.
+  void Agree(std::span<const Se2> motions);
 
   /// Landmarks determine the pose, after the last motion. One that is vague says nothing.
   void Compare(const PoseWithCovariance& pose);

@@ -36,30 +36,6 @@ constexpr int kMinGain = 3;
 constexpr int kMinSightings = 3;
 constexpr int kMinAdrift = 2;
 
-// Whether most landmarks do not stand by dead reckoning: at no place is half of their sightings.
-bool ContradictsOdometry(const std::vector<WindowScan>& window,
-                         const MapSnapshot& snapshot,
-                         int min_adrift) {
-  struct Sightings {
-    int all = 0;
-    int at_one_place = 0;
-  };
-  std::map<int, Sightings> by_group;
-  for (const SightingCluster& cluster :
-       ClusterSightings(window, snapshot, std::numeric_limits<int>::max())) {
-    Sightings& sightings = by_group[cluster.group];
-    sightings.all += cluster.count;
-    sightings.at_one_place = std::max(sightings.at_one_place, cluster.count);
-  }
-  int standing = 0;
-  int adrift = 0;
-  for (const auto& [group, sightings] : by_group) {
-    if (sightings.all < kMinSightings) continue;
-    ++(2 * sightings.at_one_place < sightings.all ? adrift : standing);
-  }
-  return adrift >= min_adrift && adrift > standing;
-}
-
 // Landmarks that one who is at `pose` after the last scan would have seen and did not, by where
 // they were most likely when the map was built.
 int CountMissed(const Se2& pose,
@@ -90,6 +66,29 @@ int CountMissed(const Se2& pose,
 }
 
 }  // namespace
+
+bool ContradictsOdometry(const std::vector<WindowScan>& window,
+                         const MapSnapshot& snapshot,
+                         int min_adrift) {
+  struct Sightings {
+    int all = 0;
+    int at_one_place = 0;
+  };
+  std::map<int, Sightings> by_group;
+  for (const SightingCluster& cluster :
+       ClusterSightings(window, snapshot, std::numeric_limits<int>::max())) {
+    Sightings& sightings = by_group[cluster.group];
+    sightings.all += cluster.count;
+    sightings.at_one_place = std::max(sightings.at_one_place, cluster.count);
+  }
+  int standing = 0;
+  int adrift = 0;
+  for (const auto& [group, sightings] : by_group) {
+    if (sightings.all < kMinSightings) continue;
+    ++(2 * sightings.at_one_place < sightings.all ? adrift : standing);
+  }
+  return adrift >= min_adrift && adrift > standing;
+}
 
 std::optional<PoseFault> FindWrongPose(const PresentPose& present,
                                        const MapSnapshot& snapshot,

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <optional>
+#include <vector>
 
 #include "localizer/initialization/global_start.h"
 #include "localizer/monitor/health_monitor.h"
@@ -16,6 +17,12 @@ struct PresentPose {
   const RecentScans& recent;  ///< Up to the scan.
   const HealthMonitor& health;
 };
+
+/// Whether most landmarks do not stand by dead reckoning: at no place is half of their sightings.
+/// @param min_adrift  Of such landmarks. One may be carried.
+bool ContradictsOdometry(const std::vector<WindowScan>& window,
+                         const MapSnapshot& snapshot,
+                         int min_adrift);
 
 /// What speaks against a pose.
 struct PoseFault {

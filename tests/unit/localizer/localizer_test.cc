@@ -451,6 +451,47 @@ TEST(Localizer, AGivenPoseThatNothingConfirmsIsNotTrusted) {
   EXPECT_GT(wrong_at_end, 3);
 }
 
+// Wheels slip and grip again: odometry that was wrong is right by then, and leads to a new start
+// where one landmark or two are in view.
+TEST(Localizer, AVehicleFindsItselfAfterItsWheelsSlipped) {
+  constexpr double kRadius = 16.0;
+  constexpr double kSpeed = 1.5;
+  constexpr int kLandmarks = 10;
+  MapContent content = MakeTwoModeMap(kLandmarks, 10.0, 5);
+  content.calibration.sensor.detection_probability = 0.8;
+  content.calibration.odometry.noise_v = content.calibration.odometry.noise_omega = 0.01;
+  for (std::size_t i = 0; i < content.groups.size(); ++i) {
+    const double turn = 2.0 * M_PI * static_cast<double>(i) / kLandmarks;
+    const double radius = kRadius + (i % 2 == 0 ? 2.0 : -2.0);
+    std::vector<Mode>& modes = content.groups[i].modes;
+    modes[0].p_map_landmark = radius * Eigen::Vector2d(std::cos(turn), std::sin(turn));
+    modes[1].p_map_landmark = 3.0 * modes[0].p_map_landmark;
+  }
+  SimulationOptions simulation;
+  simulation.duration_s = 180.0;
+  simulation.v_mps = kSpeed;
+  simulation.omega_radps = kSpeed / kRadius;
+  simulation.T_map_start = Se2(kRadius, 0.0, 0.5 * M_PI);
+  const std::vector<int> states(content.groups.size(), 1);
+  for (std::uint64_t seed = 1; seed <= 5; ++seed) {
+    simulation.seed = seed;
+    SimulatedRun run = Simulate(content, PositionsOf(content, states), simulation);
+    const Stamp begin = run.run.odometry.front().stamp;
+    for (OdometrySample& sample : run.run.odometry) {
+      const double since_s = ToSeconds(sample.stamp - begin);
+      if (since_s < 60.0 || since_s > 70.0) continue;
+      sample.v_mps *= 2.0;
+      sample.omega_radps *= 2.0;
+    }
+    const Outcome outcome = Localize(content, run, {});
+    const auto lost = static_cast<std::size_t>(LocalizerState::kLost);
+    EXPECT_LT(outcome.statistics.seconds_in_state[lost], 50.0) << seed;
+    const Eigen::Vector2d error = outcome.poses.back().pose.T_map_vehicle.translation() -
+                                  run.T_map_vehicle.back().translation();
+    EXPECT_LT(error.norm(), 0.5) << seed;
+  }
+}
+
 // Odometry is silent for eight seconds in which nothing is seen, while the vehicle turns on.
 TEST(Localizer, AVehicleThatNobodyKnowsTheHeadingOfIsLost) {
   const MapContent content = MakeTwoModeMap(15, 14.0, 21);

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <random>
+#include <vector>
 
 namespace shiftmap {
 namespace {
@@ -80,6 +81,20 @@ TEST(OdometryTrust, DoesNotReturnAsLongAsOdometryIsWrong) {
 TEST(OdometryTrust, DoesNotReturnIfHalfOfAMotionIsCounted) {
   EXPECT_FALSE(IsTrustedAfter(100, {.turn_share = 0.5}));
   EXPECT_FALSE(IsTrustedAfter(100, {.way_share = 0.5}));
+}
+
+TEST(OdometryTrust, ReturnsWhenTheMapConfirmsATurnOrALongWay) {
+  const auto is_trusted_after = [](int steps, const Se2& step) {
+    OdometryTrust trust;
+    trust.Distrust();
+    trust.Agree(std::vector<Se2>(static_cast<std::size_t>(steps), step));
+    return trust.trusted();
+  };
+  EXPECT_FALSE(is_trusted_after(0, Se2()));
+  EXPECT_TRUE(is_trusted_after(6, Se2(0.2, 0.0, 0.1)));
+  EXPECT_FALSE(is_trusted_after(4, Se2(0.2, 0.0, 0.2)));  // Less than a metre.
+  EXPECT_FALSE(is_trusted_after(20, Se2(0.4, 0.0, 0.0)));
+  EXPECT_TRUE(is_trusted_after(30, Se2(0.4, 0.0, 0.0)));
 }
 
 // A jump of the pose is no motion.
