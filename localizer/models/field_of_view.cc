@@ -65,6 +65,12 @@ void FieldOfView::Look(const LidarView* lidar) {
   polygon_.SetVehicle(lidar->T_scan_now);
 }
 
+void FieldOfView::Saw(const Eigen::Vector2d& q) {
+  if (!learns_) return;
+  seen_.Add(q);
+  own_ = seen_.MakeSector();
+}
+
 InViewProbability FieldOfView::Probability(const Eigen::Vector2d& q,
                                            const Eigen::Matrix2d& cov_q) const {
   const Eigen::Vector2d z = RangeBearing(q);
@@ -72,7 +78,7 @@ InViewProbability FieldOfView::Probability(const Eigen::Vector2d& q,
   InViewProbability in_view;
   in_view.sensor = SectorFieldOfView(z, cov, sensor_);
   if (!(in_view.sensor > 0.0)) return in_view;
-  in_view.own = std::min(in_view.sensor, SectorFieldOfView(z, cov, own_.sector()));
+  in_view.own = std::min(in_view.sensor, SectorFieldOfView(z, cov, own_));
   if (by_lidar_) {
     const double share = share_(polygon_, q, cov_q);
     in_view.sensor *= share;
@@ -82,7 +88,7 @@ InViewProbability FieldOfView::Probability(const Eigen::Vector2d& q,
 }
 
 bool FieldOfView::WellInView(const Eigen::Vector2d& q) const {
-  if (!shiftmap::WellInView(q, sensor_) || !shiftmap::WellInView(q, own_.sector())) return false;
+  if (!shiftmap::WellInView(q, sensor_) || !shiftmap::WellInView(q, own_)) return false;
   // Half of what the area is grown by: what stands on a wall is in view of it.
   const double clear_m = 0.5 * kGrownM;
   return !by_lidar_ || polygon_.ContainsDisc(q, clear_m).value_or(false);

@@ -68,8 +68,9 @@ class FieldOfView {
  public:
   /// @param own  As FieldOfViewOptions::own.
   explicit FieldOfView(const SensorCalibration& sensor, bool own = true)
-      : sensor_(SectorOf(sensor)),
-        own_(own ? OwnFieldOfView(sensor) : OwnFieldOfView::Whole(sensor)) {}
+      : sensor_(SectorOf(sensor)), learns_(own), seen_(sensor) {
+    if (!own) own_ = sensor_;
+  }
 
   /// What is asked from now on is of the time of this view. The polygon of a scan is made once.
   /// @param lidar  Its scan is valid by ValidateEvent(). Null: no lidar.
@@ -78,7 +79,7 @@ class FieldOfView {
   /// The vehicle saw a landmark of the map, wherever that stands now, from another place than
   /// before.
   /// @param q  Vehicle frame. [m]
-  void Saw(const Eigen::Vector2d& q) { own_.Add(q); }
+  void Saw(const Eigen::Vector2d& q);
 
   /// @param q      Expected place of a landmark, vehicle frame. [m]
   /// @param cov_q  Under the uncertainty of pose and landmark. [m²]
@@ -92,7 +93,9 @@ class FieldOfView {
 
  private:
   Sector sensor_;
-  OwnFieldOfView own_;
+  bool learns_;
+  OwnFieldOfView seen_;
+  Sector own_;  // MakeSector() of it.
   ScanPolygonShare share_;
   ScanPolygon polygon_;
   std::optional<Stamp> polygon_stamp_;  // Of the scan that polygon_ is of.

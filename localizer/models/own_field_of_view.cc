@@ -16,33 +16,27 @@ constexpr int kOneInBeyond = 100;
 
 }  // namespace
 
-OwnFieldOfView OwnFieldOfView::Whole(const SensorCalibration& sensor) {
-  OwnFieldOfView whole(sensor);
-  whole.sector_ = SectorOf(sensor);
-  whole.learns_ = false;
-  return whole;
-}
-
 void OwnFieldOfView::Add(const Eigen::Vector2d& q) {
-  if (!learns_) return;
   ++seen_;
   const double range = q.norm() / max_range_m_ * static_cast<double>(kRanges);
   ++by_range_[range < static_cast<double>(kRanges - 1) ? static_cast<std::size_t>(range)
                                                        : kRanges - 1];
   const double turn = std::atan2(q.y(), q.x()) / kTurn + 0.5;
   ++by_bearing_[static_cast<std::size_t>(turn * static_cast<double>(kBearings)) % kBearings];
-  SetRange(seen_ / kOneInBeyond);
-  SetBearings(seen_ / kOneInBeyond);
 }
 
-void OwnFieldOfView::SetRange(int beyond) {
+Sector OwnFieldOfView::MakeSector() const {
+  Sector sector;
+  if (seen_ == 0) return sector;
+  int beyond = seen_ / kOneInBeyond;
+  SetBearings(beyond, &sector);
   std::size_t bins = kRanges;
   for (; bins > 1 && by_range_[bins - 1] <= beyond; --bins) beyond -= by_range_[bins - 1];
-  sector_.max_range_m = max_range_m_ * static_cast<double>(bins) / static_cast<double>(kRanges);
+  sector.max_range_m = max_range_m_ * static_cast<double>(bins) / static_cast<double>(kRanges);
+  return sector;
 }
 
-// All but the longest arc in which at most `beyond` were seen.
-void OwnFieldOfView::SetBearings(int beyond) {
+void OwnFieldOfView::SetBearings(int beyond, Sector* sector) const {
   std::size_t longest = 0;
   std::size_t after = 0;  // The bin behind the longest.
   std::size_t length = 0;
@@ -61,8 +55,8 @@ void OwnFieldOfView::SetBearings(int beyond) {
   constexpr double kStep = kTurn / static_cast<double>(kBearings);
   const double width = kStep * static_cast<double>(kBearings - longest);
   const double begin = kStep * static_cast<double>(after) - std::numbers::pi;
-  sector_.centre_rad = WrapAngle(begin + 0.5 * width);
-  sector_.half_width_rad = longest == 0 ? kTurn : 0.5 * (width + kStep);
+  sector->centre_rad = WrapAngle(begin + 0.5 * width);
+  sector->half_width_rad = longest == 0 ? kTurn : 0.5 * (width + kStep);
 }
 
 }  // namespace shiftmap

@@ -19,11 +19,8 @@ namespace shiftmap {
 /// Memory: fixed. Threads: const-safe.
 class OwnFieldOfView {
  public:
-  /// Nothing has been seen: a sector of range 0.
+  /// Nothing has been seen.
   explicit OwnFieldOfView(const SensorCalibration& sensor) : max_range_m_(sensor.max_range_m) {}
-
-  /// That of the sensor, whatever is seen.
-  static OwnFieldOfView Whole(const SensorCalibration& sensor);
 
   /// A landmark was seen in another view than before.
   /// @param q  Vehicle frame. [m]
@@ -31,19 +28,17 @@ class OwnFieldOfView {
 
   /// Holds 99 % of the landmarks seen by range, and by bearing. Range in steps of a fiftieth of the
   /// sensor's, rounded up, and not more than that; bearings in steps of 1.4 degrees, with half a
-  /// step on either side.
-  const Sector& sector() const { return sector_; }
+  /// step on either side. Of range 0 if nothing has been seen. Cost: some hundred additions.
+  Sector MakeSector() const;
 
  private:
   static constexpr std::size_t kRanges = 50;
   static constexpr std::size_t kBearings = 256;
 
-  void SetRange(int beyond);
-  void SetBearings(int beyond);
+  // All but the longest arc in which at most `beyond` were seen.
+  void SetBearings(int beyond, Sector* sector) const;
 
   double max_range_m_;
-  Sector sector_;
-  bool learns_ = true;
   int seen_ = 0;
   std::array<int, kRanges> by_range_{};      // The last bin is open.
   std::array<int, kBearings> by_bearing_{};  // From -π on.

@@ -63,7 +63,7 @@ Sector OwnSector(const BuildState& build, const SensorCalibration& sensor, const
   for (const Sighting& sighting : run.data->sightings) {
     if (IsInlier(build, run, sighting)) own.Add(sighting.observation.PositionInVehicle());
   }
-  return own.sector();
+  return own.MakeSector();
 }
 
 void CountDetections(const BuildState& build,
